@@ -93,11 +93,13 @@ class Certificate:
         several = self.inverted.ndim > 0
         parts = [f"{count} predictions"] if several else []
         if sound.any():
-            length = self.units.written
+            length, ratio = self.units.written, float(self.out_of_balance[sound].max())
+            of_load = f"{100 * ratio:.2g}% of" if ratio < 1 else f"{ratio:.3g} times"
             parts += [
-                f"estimated error {length(float(self.mean_error[sound].mean()))} in the mean",
+                "estimated error by Newton steps "
+                f"{length(float(self.mean_error[sound].mean()))} in the mean",
                 f"{length(float(self.max_error[sound].max()))} at most",
-                f"forces out of balance by {self.out_of_balance[sound].max():.2g} of the load",
+                f"forces out of balance by {of_load} the load",
             ]
         if unsettled:
             of_them = f"{unsettled} estimates do" if several else "the estimate does"

@@ -11,7 +11,8 @@ from surrogate.command_options import add_device, add_out, add_passes, add_run, 
 CERTIFY = (
     "estimate the error of what is written, the prediction or (--correct) the equilibrium; add it "
     "as 'estimated_error'; 'fast' in real time, with bounds; exit code 3 where there is no "
-    "estimate to trust (inverted elements, an estimate that does not settle, no fast bound)"
+    "estimate to trust (inverted elements, an estimate that does not settle, no fast bound), or, "
+    "also without --certify, where forces are out of balance by more than the body moves"
 )
 TOLERANCE = (
     "largest error of a node, relative to the largest displacement, or with --certify in m: "
@@ -111,6 +112,6 @@ def run(options: argparse.Namespace) -> None:
         print(f"{text}: held by {','.join(f'{force:.6g}' for force in reaction)} N")
     if solution.contact is not None:
         print(contact_line(solution.contact, solution.units))
-    print(f"{options.out}: {solution.summary()}")
+    print(f"{options.out}: largest displacement {solution.largest}; {solution.summary()}")
     if solution.refusal is not None:
         raise NotCertifiedError(solution.refusal)

@@ -80,12 +80,17 @@ def require_linear_elements(case: Mapping[str, Any], what: str) -> None:
         )
 
 
-def require_nodes_alone(case: Mapping[str, Any], cell_type: str, what: str) -> None:
+def require_nodes_alone(
+    case: Mapping[str, Any],
+    cell_type: str,
+    what: str,
+    instead: str = "--certify full and --correct are for all",
+) -> None:
     """Raise InputError if the elements of a case have points between the nodes."""
     if has_points_between(case, cell_type):
         raise InputError(
             f"key 'element' of the run's case = '{element_of(case)}': {what} are for elements "
-            "without points between the nodes; --certify full and --correct are for all"
+            f"without points between the nodes; {instead}"
         )
 
 

@@ -24,6 +24,13 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 ALONG = 1e-6  # of a force, the part across the normal that is rounding
+BODY_FORCE = "body_force"
+ONE_KIND = frozenset(  # families that draw one kind of load
+    {
+        *("body_force", "displacement", "each_node", "pressure", "random_node", "random_nodes"),
+        *("sweep", "tool", "traction", "traction_patch"),
+    }
+)
 AT_ONCE = 2**20  # grid points of all samples that are held at once
 
 
@@ -64,9 +71,7 @@ class PressedNodes:
         if geometry.pressed is None:
             return None
         areas = area_vectors(geometry.coordinates, geometry.pressed)
-        families = case.get("load", ())
-        several = families if isinstance(families, list | tuple) else [families]
-        others = sum(_single_forces(family) for family in several)
+        others = sum(_single_forces(family) for family in _families(case))
         return cls(np.where(geometry.held, 0.0, areas), others)
 
     def count_others(self, forces: Array, nodes: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -91,6 +96,17 @@ class PressedNodes:
             "nid,nid->ni", forces, forces
         )
         return np.count_nonzero(is_other, axis=1)
+
+
+def known_families(case: Mapping[str, Any]) -> frozenset[str]:
+    """Names of a case's load families; none if one of them may draw any kind of load."""
+    names = frozenset(str(family.get("family")) for family in _families(case))
+    return names if names <= ONE_KIND else frozenset()
+
+
+def _families(case: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    families = case.get("load", ())
+    return list(families) if isinstance(families, list | tuple) else [families]
 
 
 def _single_forces(family: Mapping[str, Any]) -> float:

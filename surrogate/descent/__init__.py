@@ -2,6 +2,7 @@
 
 ====================  ========================================================================
 `descent`             the loop: directions, their lengths, and when to stop
+`first_direction`     the first one alone, whose length estimates the error
 `fixed_directions`    a fixed number of directions, for exported files
 `aim`                 when a prediction is right enough: a tolerance, a time budget
 `cell_fields`         gradients and forces of one load, in compiled loops

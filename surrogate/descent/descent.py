@@ -96,10 +96,12 @@ class Descent:
             f"{estimate}, expected at most {allowed} in {IN_A_ROW} of them in a row"
         )
 
-    def summary(self, units: Units) -> str:
-        """Describe the directions in a few words."""
+    def summary(self, units: Units | None) -> str:
+        """Describe the directions in a few words, with their estimate if units are given."""
         what = "1 direction" if self.directions == 1 else f"{self.directions} directions"
-        return f"{what}, estimated error {units.written(self.estimate)}"
+        if units is None:
+            return what
+        return f"{what}, estimated error {units.written(self.estimate)} by the last one"
 
 
 class Directions:

@@ -182,6 +182,9 @@ def identify(
         raise InputError(f"noise: {noise}, expected more than 0 m, and finite")
     if not 0 < level < 1:
         raise InputError(f"level: {level}, expected more than 0 and less than 1")
+    model.require_nodes_alone(
+        "identifications", "a run of the body with 'element: linear' has them"
+    )
     geometry = model.geometry
     if not isinstance(markers, Markers):
         markers = read_markers(Path(markers), geometry.dimension)

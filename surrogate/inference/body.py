@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from surrogate.mechanics.solids.solid import Solid
 
 Array = NDArray[np.float64]
+LARGE = 20000  # components whose stiffness is not factorised for a load like those of a training
 
 
 class TrainedBody:
@@ -88,6 +89,10 @@ class TrainedBody:
         found = found or Equilibrium(self.geometry, data.material)
         found.units = data.units
         return found
+
+    def require_nodes_alone(self, what: str, instead: str) -> None:
+        """Raise InputError if elements have points between the nodes; say what is there instead."""
+        require_nodes_alone(self.description.data.case, self.geometry.cell_type, what, instead)
 
     def with_young_moduli(self, moduli: Mapping[str, float]) -> Surrogate:
         """Make the same load series for a body whose zones have other Young's moduli.
@@ -192,6 +197,24 @@ class TrainedBody:
         from surrogate.descent import descend
 
         return descend(self.driven_body.under(pressure), dead, predicted, aim, last_term)
+
+    @property
+    def _knows_compliance(self) -> bool:
+        """Whether K(0) is factorised for predictions, or takes no time."""
+        return self.network.linear is not None or self.geometry.coordinates.size <= LARGE
+
+    def _one_direction(
+        self, dead: Array, pressure: FollowerPressure | None, displacement: Array
+    ) -> Array | None:
+        """Estimated error in m by one direction; None if the learner does not know the body."""
+        from surrogate.descent.first_direction import first_direction
+
+        try:
+            body = self.driven_body.under(pressure)
+        except InputError:
+            return None
+        found = first_direction(body, dead, displacement)
+        return np.full(displacement.shape, np.inf) if found is None else -found
 
     @property
     def stressed(self) -> Solid:

@@ -16,7 +16,8 @@ from shared_schema.tools import contact_line
 from surrogate.certify.certificate_protocol import ErrorCertificate
 from surrogate.certify.correction import Correction
 from surrogate.data.geometry import Geometry
-from surrogate.descent.descent import Descent
+from surrogate.descent.descent import Descent, longest
+from surrogate.descent.first_direction import exceeds_motion
 from surrogate.probabilistic.distribution import Distribution
 
 if TYPE_CHECKING:
@@ -90,6 +91,11 @@ class Solution:
     descent : Descent or None
         How directions ended (`surrogate.descent`): their number, the estimated error in m, and
         whether the tolerance was reached; None if they were not asked for.
+    one_direction : array, (n_nodes, d), or None
+        Estimate of the displacement minus the true one in m by the first direction, infinite if a
+        cell is inverted (`surrogate.descent.first_direction`). None where a certificate,
+        directions or a correction tell more, of a body whose forces the learner does not know, and
+        of a load like those of a training on a large body whose stiffness nothing else needs.
     """
 
     geometry: Geometry
@@ -112,12 +118,20 @@ class Solution:
     grips: Array | None = None
     contact: TouchFrame | None = None
     force_between: Array | None = None
+    one_direction: Array | None = None
 
     @property
     def load(self) -> Array:
         """All forces in N, those between the nodes after the nodal ones: what `certify` takes."""
         parts = [self.force] if self.force_between is None else [self.force, self.force_between]
         return np.concatenate(parts)
+
+    @property
+    def largest(self) -> str:
+        """The largest displacement, and where it is."""
+        length = np.linalg.norm(self.displacement, axis=1)
+        at = ", ".join(f"{x:.4g}" for x in self.geometry.coordinates[length.argmax()])
+        return f"{self.units.written(length.max())} at ({at}) {self.units.length}"
 
     @property
     def std(self) -> Array | None:
@@ -153,24 +167,40 @@ class Solution:
     def refusal(self) -> str | None:
         """Why the displacement is not within `tolerance`; None if it is, or not asked.
 
-        Without a tolerance any error is small enough. A state with inverted elements, an estimate
-        that does not settle, and a fast certificate without a bound are never certified. Without a
-        certificate, it is the estimate of the directions that may not be within the tolerance.
+        Without a tolerance any error is small enough that is no longer than the displacement, and
+        than the true one. A state with inverted elements, an estimate that does not settle, and a
+        fast certificate without a bound are never certified. Without a certificate, it is the
+        estimate of the directions that may not be within the tolerance.
         """
         if self.certificate is not None:
-            return self.certificate.refusal(np.inf if self.tolerance is None else self.tolerance)
+            most = np.inf if self.tolerance is None else self.tolerance
+            return self.certificate.refusal(most) or self._excess
         if self.descent is not None and self.descent.reached is False:
             return self.descent.refusal(self.units)
-        return None
+        return self._excess
+
+    @property
+    def _excess(self) -> str | None:
+        """How forces are out of balance by more than the body moves; None if they are not."""
+        error = self.one_direction if self.certificate is None else self.certificate.error
+        if error is None or not exceeds_motion(error, self.displacement):
+            return None
+        if not np.isfinite(error).all():
+            return "inverted elements"
+        return (
+            "the forces are out of balance by more than the body moves: estimated error "
+            f"{self.units.written(longest(error))}, largest displacement {self.largest}"
+        )
 
     @property
     def verdict(self) -> Literal["certified", "not certified"] | None:
         """Whether no node's error is above `tolerance`.
 
-        None if there is no tolerance, unless the certificate holds for none.
+        None if there is no tolerance, unless the displacement is certified for none, and without a
+        certificate, unless its forces are out of balance by more than it moves.
         """
         if self.certificate is None:
-            return None
+            return None if self._excess is None else "not certified"
         if self.refusal is not None:
             return "not certified"
         return None if self.tolerance is None else "certified"
@@ -211,14 +241,18 @@ class Solution:
         return solution_figure(self)
 
     def summary(self) -> str:
-        """Describe in a line what was done, and with what result."""
+        """Describe in a line what was done, and with what result: one estimate of the error."""
         parts = ["predicted"]
         if self.correction is not None:
             parts.append(self.correction.summary())
         if self.descent is not None:
-            parts.append(self.descent.summary(self.units))
+            parts.append(self.descent.summary(None if self.certificate else self.units))
         if self.certificate is not None:
             parts.append(self.certificate.summary())
+        elif self.descent is None and self.one_direction is not None:
+            error = longest(self.one_direction)
+            size = f"estimated error {self.units.written(error)} by one direction"
+            parts.append(size if np.isfinite(error) else "inverted elements")
         if self.verdict is not None:
             parts.append(self.verdict)
         if self.stresses:
@@ -232,21 +266,18 @@ class Solution:
         """Describe body, load, displacement, error and verdict in a few lines."""
         loaded = int(self.force.any(axis=1).sum())
         total = ", ".join(f"{component:.4g}" for component in self.force.sum(axis=0))
-        length = np.linalg.norm(self.displacement, axis=1)
-        at = ", ".join(f"{x:.4g}" for x in self.geometry.coordinates[length.argmax()])
         units, nodes = self.units, "node" if loaded == 1 else "nodes"
         lines = [
             f"Solution({self.case}, {len(self.force)} nodes)",
             f"load: {loaded} loaded {nodes}, resultant ({total}) {units.force}",
-            f"largest displacement: {units.written(length.max())} at ({at}) {units.length}",
+            f"largest displacement: {self.largest}",
             self.summary(),
         ]
         if self.std is not None:
             largest = np.linalg.norm(self.std, axis=1).max()
             lines.append(f"largest standard deviation: {self.units.written(largest)}")
         if self.refusal is not None:
-            certified = self.certificate is not None
-            lines.append(f"{'not certified' if certified else 'not reached'}: {self.refusal}")
+            lines.append(f"{self.verdict or 'not reached'}: {self.refusal}")
         for reaction in () if self.grips is None else self.grips:
             parts = ", ".join(f"{component:.4g}" for component in reaction)
             lines.append(f"held by ({parts}) {units.force}")

@@ -157,7 +157,8 @@ class Surrogate(TrainedNetwork):
         force = given.at_rest
         passes = PASSES if passes is None else passes
         network = self.averaged_passes(force, passes, seed or 0)
-        self.training_range.log(force)
+        weighs = body_force is not None
+        self.training_range.log(force, weighs)
         interval = None
         if intervals is not None and conformal is not None:
             interval = intervals.bounds(conformal, network.mean, self.score_scale(network))
@@ -179,7 +180,7 @@ class Surrogate(TrainedNetwork):
         is_own = is_own or (descent is not None and descent.kept)
         what = f"the largest {'predicted' if correction is None else 'corrected'} displacement"
         if force.any():
-            advice = self.training_range.compared(force)
+            advice = self.training_range.compared(force, weighs)
             unusual = size_warning(displacement, self.geometry.coordinates, what, advice)
             if unusual is not None:
                 logger.warning(unusual)
@@ -193,6 +194,12 @@ class Surrogate(TrainedNetwork):
             bounds = of_components.certify(dead, displacement, level, std, pressure)
             half_width = bounds.half_width
             certificate = certificate if fast is None else bounds
+        told = certificate is not None or correction is not None
+        told = told or (descent is not None and descent.reached is not None)
+        outside = tuple(self.training_range.exceeded(force, weighs).values())
+        one_direction = None
+        if not told and (outside or self._knows_compliance):
+            one_direction = self._one_direction(dead, pressure, displacement)
         solution = Solution(
             geometry=self.geometry,
             case=self.description.run.case,
@@ -212,7 +219,8 @@ class Surrogate(TrainedNetwork):
             notes=tuple(given.notes),
             grips=None if frame is None else frame.reactions,
             contact=contact,
-            outside_training=tuple(self.training_range.exceeded(force).values()),
+            one_direction=one_direction,
+            outside_training=outside,
             units=self.description.data.units,
         )
         return solution if young_modulus is None else stiffened(solution, factor)

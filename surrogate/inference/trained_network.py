@@ -15,7 +15,7 @@ from torch import Tensor
 from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.errors import InputError
 from surrogate.data.geometry import SURFACE, Geometry
-from surrogate.data.load_range import PressedNodes
+from surrogate.data.load_range import PressedNodes, known_families
 from surrogate.device import Precision
 from surrogate.inference.batched_prediction import BatchedPrediction
 from surrogate.inference.body import TrainedBody
@@ -78,6 +78,7 @@ class TrainedNetwork(TrainedBody):
                 data.loads,
                 geometry.grid,
                 PressedNodes.of(geometry, data.case),
+                known_families(data.case),
                 data.units,
             )
         self.passes = Passes(network)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import warnings
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +14,10 @@ from shared_schema.common.bodies.displacement_size import UNITS
 from shared_schema.common.keys.units import SI, Units
 from shared_schema.grid import Grid
 from surrogate.data.geometry import Geometry
-from surrogate.data.load_range import LoadRange, PressedNodes
+from surrogate.data.load_range import BODY_FORCE, LoadRange, PressedNodes
 
 logger = logging.getLogger(__name__)
-MARGIN = 1 + 1e-6  # of rounding
+ROUNDING = 1e-6  # of forces, which datasets hold in single precision
 PREFIX = 1e3  # ratio of neighbouring units: N and kN
 Array = NDArray[np.float64]
 
@@ -41,6 +41,8 @@ class TrainingRange:
         Grid whose points `limit` is that of, if they are no nodes.
     pressed : PressedNodes, optional
         Nodes under the pressures of the training, whose number is no number of single forces.
+    families : collection of str
+        Names of the load families of the training; empty if these do not say what loads there are.
     units : Units
         Labels of the units of the forces.
     """
@@ -52,15 +54,16 @@ class TrainingRange:
         loads: LoadRange | None,
         grid: Grid | None = None,
         pressed: PressedNodes | None = None,
+        families: Collection[str] = (),
         units: Units = SI,
     ) -> None:
         self._pressed, self._unit = pressed, units.force
         self._to_grid = None if grid is None or grid.points_are_nodes else forces_to_grid(grid)
         self._limit = np.array(limit)
-        self._largest = self._limit * MARGIN
+        self._largest = self._limit + ROUNDING * self._limit.max()
+        self._families = families
         self._elsewhere = ~loadable
         self._loads = loads
-        self._largest_resultant = np.array(() if loads is None else loads.resultant) * MARGIN
         self._warned: set[str] = set()
 
     @classmethod
@@ -69,28 +72,46 @@ class TrainingRange:
         nodes, d = geometry.coordinates.shape
         return cls((np.inf,) * d, np.ones(nodes, np.bool_), None)
 
-    def exceeded(self, forces: Array) -> dict[str, str]:
-        """Say how forces leave the training data, by kind: range, places, number, resultant.
+    def exceeded(self, forces: Array, body_force: bool = False) -> dict[str, str]:
+        """Say how loads leave the training data: kind, range, places, number, resultant.
 
         Parameters
         ----------
         forces : array, (n_nodes, d) or (N, n_nodes, d)
             Nodal forces in N. No force at all is nothing unusual.
+        body_force : bool
+            Whether they are those of a body force as well.
         """
+        if body_force and (unlike := self._unlike_body_force):
+            return {"kind": unlike}
         return dict(self._exceeded(forces.reshape(-1, *forces.shape[-2:])))
 
-    def compared(self, forces: Array) -> str:
+    @property
+    def _unlike_body_force(self) -> str | None:
+        """Say that no load of the training was a body force; None if one was, or may have been."""
+        if not self._families or BODY_FORCE in self._families:
+            return None
+        return (
+            "a body force is a kind of load that the training data have none of "
+            f"({', '.join(sorted(self._families))})"
+        )
+
+    def compared(self, forces: Array, body_force: bool = False) -> str:
         """Compare the size of forces, not all zero, with the training; ask for units if far off.
 
-        Without a training there is nothing to compare with.
+        Without a training there is nothing to compare with, nor for another kind of load.
 
         Parameters
         ----------
         forces : array, (n_nodes, d)
             Nodal forces in N.
+        body_force : bool
+            Whether they are those of a body force as well.
         """
         if np.isinf(self._limit).all():
             return UNITS
+        if body_force and (unlike := self._unlike_body_force):
+            return unlike
         values = forces if self._to_grid is None else self._to_grid @ forces
         ratio = float(np.abs(values).max() / self._limit.max())
         text = f"the largest force component is {ratio:.3g} times that of the training data"
@@ -102,13 +123,13 @@ class TrainingRange:
         for text in self._new(forces):
             warnings.warn(text, OutsideTrainingWarning, stacklevel=3)
 
-    def log(self, forces: Array) -> None:
+    def log(self, forces: Array, body_force: bool = False) -> None:
         """Log a warning of every kind that there has been none of yet."""
-        for text in self._new(forces):
+        for text in self._new(forces, body_force):
             logger.warning(text)
 
-    def _new(self, forces: Array) -> list[str]:
-        exceeded = self.exceeded(forces)
+    def _new(self, forces: Array, body_force: bool = False) -> list[str]:
+        exceeded = self.exceeded(forces, body_force)
         new = [text for kind, text in exceeded.items() if kind not in self._warned]
         self._warned.update(exceeded)
         return new
@@ -136,11 +157,15 @@ class TrainingRange:
             fewest, loaded = 0, "nodes with other forces"
             counts = self._pressed.count_others(at_some, some)
         unusual = [n for n in counts if n and not fewest <= n <= most]
-        if unusual:
+        if unusual and most == 0:
+            yield "kind", "forces other than pressures, the only loads of the training data"
+        elif unusual:
             numbers = f"{fewest}" if fewest == most else f"{fewest} to {most}"
             yield "number", f"number of {loaded} {unusual[0]}, {numbers} in the training data"
-        if (np.abs(np.einsum("nid->nd", at_some)) > self._largest_resultant).any():
-            limit = self._pm(np.array(self._loads.resultant))
+        resultant, limit_of_all = np.einsum("nid->nd", at_some), np.array(self._loads.resultant)
+        rounding = ROUNDING * (limit_of_all + np.abs(at_some).sum(axis=(1, 2))[:, None])
+        if (np.abs(resultant) > limit_of_all + rounding).any():
+            limit = self._pm(limit_of_all)
             yield "resultant", f"the resultant is beyond that of the training data ({limit})"
 
     def _pm(self, limit: Array) -> str:

@@ -14,6 +14,7 @@ from surrogate.descent.driven_body import DrivenBody
 from surrogate.mechanics.out_of_balance import Equilibrium
 
 Array = NDArray[np.float64]
+BY_FACTORY = "`datagen solve` has them for all"
 Predict: TypeAlias = Callable[[Array], Array]
 
 
@@ -33,6 +34,9 @@ class Body(Protocol):
     @property
     def has_series(self) -> bool:
         """Whether predictions are those of a load series, which leave little to correct."""
+
+    def require_nodes_alone(self, what: str, instead: str) -> None:
+        """Raise InputError if elements have points between the nodes; say what is there instead."""
 
     def predict(self, forces: Any, *, tolerance: Any = None, pressure: Any = None) -> Any:
         """Nodal forces in N to displacements in m, both (n_nodes, d)."""

@@ -20,6 +20,11 @@ definite, so that a body which its contact alone keeps from snapping is not push
 
 A step takes most of the time of a frame. None is taken where it would change little: the length of
 the last one, and what it changed the forces by, grow with the square of the way of the body.
+
+The length of P r over that of u is the estimated error of a prediction. Beyond `FAR` it is no
+guide, not even to a step, and frames are those of Newton's method. The error of a load series grows
+so fast with the displacement that it is no guide soon after it is a hundredth. Predictions that are
+not corrected are looked at again once the body has moved on.
 """
 
 from __future__ import annotations
@@ -31,6 +36,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surrogate.descent.descent import longest
+from surrogate.descent.first_direction import first_direction
 from surrogate.touch.body import Body
 from surrogate.touch.force_search import part_of
 
@@ -42,6 +48,9 @@ FURTHEST = 3.0  # largest ρ
 CALM = 5e-4  # of the largest displacement: expected steps up to which none is taken
 OF_FORCES = 2e-3  # of the forces: expected changes up to which none is taken
 LARGE = 0.2  # of the largest displacement: a longer shift stays as it is under other forces
+FAR, FAR_OF_SERIES = 0.1, 0.01  # of the largest displacement: errors of predictions beyond use
+WELL = 0.1  # of these: errors up to which a body that moves on is not looked at
+MOVES_ON = 0.3  # of the largest displacement: way after which it is
 STILL = 0.1  # of the way between the last steps: a body that moves no farther is always corrected
 
 
@@ -59,12 +68,16 @@ class DefectCorrection:
     wanted : bool
     shift : array, (n_nodes, d)
         δ_k in m, of the last step.
+    error : float
+        Estimated error of the last field that was looked at, over its largest displacement.
     """
 
     shift: Array
+    error: float
 
     def __init__(self, model: Body, wanted: bool | None = None) -> None:
         self._model, self.wanted = model, not model.has_series if wanted is None else wanted
+        self._far = FAR_OF_SERIES if model.has_series else FAR
         self.forget()
 
     def forget(self) -> None:
@@ -72,6 +85,7 @@ class DefectCorrection:
         zero = np.zeros(self._model.geometry.coordinates.shape)
         self.shift = self._field = self._force = self._further = self._grown = zero
         self._step, self._way, self._effect = zero, 0.0, 0.0
+        self.error, self._looked_at = 0.0, zero
 
     def corrected(self, predicted: Array, force: Array) -> Array:
         """Return a prediction with the shift, in m; a body without forces is at rest."""
@@ -99,12 +113,8 @@ class DefectCorrection:
         shift, way = self.shift_under(force), longest(field - self._field)
         if felt is not None and self._is_calm(way):
             return np.zeros_like(field)
-        body, equilibrium = self._model.driven_body, self._model.equilibrium
-        points = equilibrium.forces_at_points(force[None])
-        u = equilibrium.at_points(field[None], points)[0]
-        state = body.state(u, points[0])
-        if state is not None:
-            step = -body.compliance.at(u)(state.r)[: equilibrium.nodes]
+        step = self._direction(field, force)
+        if step is not None:
             step /= 1 - min(part_of(step, self._step), 0.0)
             step *= min(1.0, max(way, longest(self._step)) / (longest(step) or 1.0))
             if longest(shift + step) <= FARTHEST * longest(field):
@@ -115,6 +125,34 @@ class DefectCorrection:
                 return step
         self.forget()
         return -shift
+
+    def is_far(self, field: Array, force: Array) -> bool:
+        """Whether a field in m that is shown under all forces in N, (n_nodes, d), is no guide."""
+        way = longest(field - self._looked_at)
+        knows = self.error <= WELL * self._far and way <= MOVES_ON * longest(self._looked_at)
+        if not self.wanted and force.any() and not knows:
+            self._direction(field, force)
+        return self.error > self._far
+
+    def misses(self, field: Array, force: Array) -> bool:
+        """Whether the prediction of an equilibrium is no guide.
+
+        Parameters
+        ----------
+        field, force : array, (n_nodes, d)
+            Displacement in m, and all forces in N.
+        """
+        if not force.any():
+            return False
+        predicted = np.asarray(self._model.predict(force))
+        return not longest(predicted - field) <= self._far * longest(field)
+
+    def _direction(self, field: Array, force: Array) -> Array | None:
+        """−P r in m, which estimates the error of a field; None if cells are inverted."""
+        found = first_direction(self._model.driven_body, force, field)
+        self._looked_at = field
+        self.error = np.inf if found is None else longest(found) / (longest(field) or 1.0)
+        return found
 
     def _is_calm(self, way: float) -> bool:
         """Whether a step would change little, some way from the field of the last one."""

@@ -7,8 +7,9 @@ A surrogate predicts the displacement u of given nodal forces. Of a grip the dis
 
 by Broyden's method, which needs predictions alone (`surrogate.touch.force_search`). Frames that
 follow one another begin at the forces of the last one. What is left unbalanced corrects the
-predictions, once a frame (`surrogate.touch.defect_correction`). Where no forces are found, Newton's
-method finds the body with its grips (`surrogate.touch.held_newton`).
+predictions, once a frame (`surrogate.touch.defect_correction`). Where no forces are found, or their
+prediction is estimated to be wrong, Newton's method finds the body with its grips
+(`surrogate.touch.held_newton`), until predictions are right again.
 """
 
 from __future__ import annotations
@@ -27,8 +28,7 @@ from shared_schema.common.bodies.command_loads import CommandLoads
 from shared_schema.common.errors import InputError, WorkError
 from surrogate.certify.correction import Correction
 from surrogate.descent.aim import require_positive
-from surrogate.mechanics.quadratic import QuadraticEquilibrium
-from surrogate.touch.body import Body, Predict, load_beside, together_with
+from surrogate.touch.body import BY_FACTORY, Body, Predict, load_beside, together_with
 from surrogate.touch.defect_correction import ROUGHLY, DefectCorrection
 from surrogate.touch.force_search import TOLERANCE, ForceSearch, inverse
 from surrogate.touch.held_newton import HeldNewton
@@ -114,7 +114,8 @@ class Grip:
     ------
     InputError
         If there is no such node or group, one is held already, the tolerance is not positive, or
-        the body's material or elements are none of the learner's.
+        the body's material is none of the learner's, or its elements have points between the
+        nodes.
     """
 
     def __init__(
@@ -127,6 +128,7 @@ class Grip:
         corrected: bool | None = None,
     ) -> None:
         require_positive("tolerance", tolerance)
+        model.require_nodes_alone("held places", BY_FACTORY)
         together = CommandLoads(model.geometry.loaded_body)
         components, displacements = [], []
         for text in _texts(held, model.geometry.dimension):
@@ -142,6 +144,7 @@ class Grip:
         self._search = ForceSearch(stiffness_at_rest(model, together.moved))
         self._defect = DefectCorrection(model, corrected)
         self._shown: Shown | None = None
+        self._is_far = False  # whether predictions miss the last frame
         self._field: Array = np.zeros(together.moved.shape)
 
     @checked_arguments
@@ -169,8 +172,10 @@ class Grip:
         InputError
             If a shape is wrong or a number is not finite.
         WorkError
-            If no forces are found.
+            If no forces are found, or what they predict is wrong and there is no equilibrium.
         """
+        if predict is None and self._is_far:
+            return self._beyond_predictions(displacements, load)
         wanted, acting = self._given(displacements, load)
         shows, shown, count = predict or self._model.predict, self._shown, 0
         target = wanted.ravel()[self._dofs]
@@ -204,8 +209,17 @@ class Grip:
             except WorkError:
                 raise error from None
         assert shown is not None
+        if predict is None and self._defect.is_far(shown.field, together_with(acting, shown.grips)):
+            return self._beyond_predictions(displacements, load)
         self._shown, self._field = shown, shown.field
         return self._frame(shown.field, shown.grips, count)
+
+    def _beyond_predictions(self, displacements: ArrayLike, load: Array | None) -> GripFrame:
+        """Find the equilibrium, and whether it can be predicted."""
+        frame = self.correct(displacements, load)
+        total = together_with(load_beside(self._model.geometry, load), frame.force)
+        self._is_far = self._defect.misses(frame.displacement, total)
+        return frame
 
     @checked_arguments
     def correct(self, displacements: ArrayLike, load: Array | None = None) -> GripFrame:
@@ -216,19 +230,12 @@ class Grip:
         InputError
             As `move`.
         WorkError
-            If no stable equilibrium is found, or elements have points between the nodes.
+            If no stable equilibrium is found.
         """
         wanted, acting = self._given(displacements, load)
-        if not self.can_correct:
-            raise WorkError("grips are not corrected on elements with points between the nodes")
         found, force = self._newton.find(wanted, acting, self._field)
         self._field, self._shown = found.displacement, None
         return self._frame(found.displacement, force, 0, found)
-
-    @property
-    def can_correct(self) -> bool:
-        """True if elements have no points between the nodes."""
-        return not isinstance(self._model.equilibrium, QuadraticEquilibrium)
 
     @cached_property
     def _newton(self) -> HeldNewton:

@@ -9,7 +9,8 @@ that does not converge, the tool enters the body in steps. Frames that follow on
 the last one, bend as the frames before did (`surrogate.touch.bend`), and begin again from rest if
 that fails. A body that the contact alone keeps from snapping has no stable displacement under the
 forces of the tool, and so no prediction: then Newton's method finds it together with the contact
-(`surrogate.touch.contact_newton`).
+(`surrogate.touch.contact_newton`). So it does where a prediction is estimated to be wrong
+(`surrogate.touch.defect_correction`).
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from surrogate.certify.correction import Correction
 from surrogate.descent.aim import require_positive
 from surrogate.descent.descent import longest
 from surrogate.touch.bend import Bend
-from surrogate.touch.body import Body, Predict, load_beside
+from surrogate.touch.body import BY_FACTORY, Body, Predict, load_beside
 from surrogate.touch.contact_newton import ContactNewton
 from surrogate.touch.defect_correction import ROUGHLY, DefectCorrection
 from surrogate.touch.halved_steps import halved_steps
@@ -93,14 +94,15 @@ class Touch:
     Raises
     ------
     InputError
-        If the body's material or elements are none of the learner's, or the tolerance is not
-        positive.
+        If the body's material is none of the learner's, its elements have points between the
+        nodes, or the tolerance is not positive.
     """
 
     def __init__(
         self, model: Body, tolerance: float = TOLERANCE, corrected: bool | None = None
     ) -> None:
         require_positive("tolerance", tolerance)
+        model.require_nodes_alone("tools", BY_FACTORY)
         geometry, self.tolerance = model.geometry, tolerance
         on_surface = np.asarray(geometry.surface_nodes, np.int64)
         self.surface: Numbers = on_surface[geometry.free[on_surface].any(axis=1)]
@@ -168,6 +170,9 @@ class Touch:
                     felt = partial(felt_at, self.surface[search.force.any(axis=1)], search.field)
                     search.field = search.field + self._defect.improve(search.field, force, felt)
                 search.find(tool, self.tolerance)
+                force = self._all_forces(acting, search.force)
+                if predict is None and self._defect.is_far(search.field, force):
+                    raise WorkError("predictions are too far from equilibrium")
             except WorkError:
                 pass
             else:
@@ -178,6 +183,9 @@ class Touch:
                 return self._frame(tool, acting, search.field, search.force, search.predictions)
         frame = self.correct(tool, load)
         self._holds = self._newton.holds(acting, frame.displacement)
+        if self._holds and predict is None:
+            total = self._all_forces(acting, frame.force[self.surface])
+            self._holds = not self._defect.misses(frame.displacement, total)
         return frame
 
     @checked_arguments

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,15 +17,8 @@ SINGLE = 1e-4  # tolerance of a contact that is no frame
 HELD = 1e-5  # of grips that are no frame
 
 
-class Correctable(Body, Protocol):
-    """A body whose predictions can be driven to its equilibrium."""
-
-    def correct(self, forces: Any, *, pressure: Any = None) -> Any:
-        """Equilibrium under nodal forces in N, whose `displacement` is in m."""
-
-
 def gripped(
-    model: Correctable,
+    model: Body,
     held: Held,
     given: CommandLoads,
     nearest: bool,
@@ -45,16 +36,16 @@ def gripped(
     grip = Grip(model, held, nearest, tolerance=HELD)
     given.notes += grip.notes
     load, frame = given.load, grip.move(grip.displacements, given.load)
-    if correct and grip.can_correct:
+    if correct:
         return grip.correct(grip.displacements, load)
-    shown = what_is_shown(model, correct, tolerance)
-    if shown is None:
+    shown = what_is_shown(model, tolerance)
+    if shown is None or frame.correction is not None:
         return frame
     return grip.move(grip.displacements, load, predict=shown)
 
 
 def pushed(
-    model: Correctable,
+    model: Body,
     tool: str | Tool,
     given: CommandLoads,
     correct: bool,
@@ -76,20 +67,18 @@ def pushed(
     load, frame = given.load, touch.move(tool, given.load)
     if correct:
         return touch.correct(tool, load)
-    shown = what_is_shown(model, correct, tolerance)
-    return frame if shown is None else touch.move(tool, load, predict=shown)
+    shown = what_is_shown(model, tolerance)
+    if shown is None or frame.correction is not None:
+        return frame
+    return touch.move(tool, load, predict=shown)
 
 
-def what_is_shown(model: Correctable, correct: bool, tolerance: float | None) -> Predict | None:
+def what_is_shown(model: Body, tolerance: float | None) -> Predict | None:
     """What goes from forces in N to the displacements in m of a solution; None for predictions."""
+    if tolerance is None:
+        return None
     pressure = model.geometry.no_pressure
-    if correct:
-        return lambda force: np.asarray(model.correct(force, pressure=pressure).displacement)
-    if tolerance is not None:
-        return lambda force: np.asarray(
-            model.predict(force, tolerance=tolerance, pressure=pressure)
-        )
-    return None
+    return lambda force: np.asarray(model.predict(force, tolerance=tolerance, pressure=pressure))
 
 
 def require_dead(name: str, given: CommandLoads) -> None:

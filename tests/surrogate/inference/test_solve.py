@@ -14,6 +14,7 @@ import surrogate
 from shared_schema.common.errors import InputError
 from surrogate.certify.fast_certificate import Bounds
 from surrogate.command_line import main
+from surrogate.descent.first_direction import exceeds_motion
 from surrogate.inference.given_load import separated
 from surrogate.inference.proposal import propose
 from surrogate.mechanics.follower_pressure import FollowerPressure
@@ -110,6 +111,7 @@ def test_verdicts(beam: surrogate.Surrogate) -> None:
     """The estimated error of the largest node is 66.5 nm, as `surrogate predict` prints."""
     plain = beam.solve(LOAD)
     assert (plain.verdict, plain.refusal, plain.estimated_error) == (None, None, None)
+    assert plain.largest == "631 mm at (4, 1) m"
     assert beam.solve(LOAD, certify="full").verdict is None
     good = beam.solve(LOAD, certify="full", tolerance=1e-4)
     assert (good.verdict, good.refusal) == ("certified", None)
@@ -123,6 +125,45 @@ def test_verdicts(beam: surrogate.Surrogate) -> None:
         f"  {bad.summary()}",
         "  not certified: estimated error 0.0665 µm > 0.01 µm",
     ]
+
+
+@pytest.mark.parametrize("how", [{}, {"certify": "full"}, {"budget": 1e-9}])
+def test_out_of_balance_by_more_than_it_moves_is_not_certified(
+    beam: surrogate.Surrogate, how: dict[str, Any]
+) -> None:
+    """1000 N pull the end of the beam of 4 m by 31.1 m, as datagen finds; 7.2 m are predicted."""
+    solution = beam.solve("4,1:0,-1000", **how)
+    assert solution.verdict == "not certified"
+    assert str(solution.refusal).startswith("the forces are out of balance by more than the body ")
+    assert solution.summary().count("estimated error") == 1
+    assert "not certified: the forces are out" in repr(solution)
+    certificate = solution.certificate
+    error = solution.one_direction if certificate is None else certificate.error
+    assert error is not None
+    assert np.linalg.norm(error, axis=1).max() == pytest.approx(31.058 - 7.1994, rel=0.11)
+
+
+def test_one_direction_estimates_the_error_of_a_prediction(beam: surrogate.Surrogate) -> None:
+    """Under 20 N the end moves by 4.28 m, and by 4.3071 m in datagen's equilibrium."""
+    solution = beam.solve("4,1:0,-20")
+    assert (solution.verdict, solution.refusal) == (None, None)
+    assert solution.one_direction is not None
+    estimate = np.linalg.norm(solution.one_direction, axis=1).max()
+    true = np.linalg.norm(
+        solution.displacement - beam.solve("4,1:0,-20", correct=True).displacement, axis=1
+    )
+    assert true.max() == pytest.approx(0.0413, rel=0.01)
+    assert true.max() < estimate < 2 * true.max()
+    assert solution.summary().endswith(" mm by one direction")
+
+
+def test_displacement_is_certified_neither_far_above_nor_far_below_the_true_one() -> None:
+    """An error of 25 times what the body moves is as wrong as a prediction that hardly moves."""
+    true = np.array([[0.0, 0.5e-3], [0.0, 0.0]])
+    for predicted in (26 * true, 2.1 * true, 0.4 * true, 0 * true, np.nan * true):
+        assert exceeds_motion(predicted - true, predicted)
+    for predicted in (1.9 * true, true, 0.6 * true):
+        assert not exceeds_motion(predicted - true, predicted)
 
 
 @pytest.mark.parametrize("certify", ["full", "fast"])

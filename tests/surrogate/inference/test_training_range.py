@@ -12,7 +12,7 @@ import yaml
 import surrogate
 from shared_schema.grid import Grid
 from surrogate.data.dataset import Dataset
-from surrogate.data.load_range import LoadRange, load_range
+from surrogate.data.load_range import LoadRange, PressedNodes, known_families, load_range
 from surrogate.inference.given_load import given_load
 from surrogate.inference.training_range import TrainingRange, forces_to_grid
 from surrogate.runs.folder import RunFolder
@@ -90,6 +90,50 @@ def test_a_pressure_and_a_single_force() -> None:
     assert finger.training_range.exceeded(
         given_load(finger.geometry, [force[nodes[0]], force[nodes[1]]]).at_rest
     ) == {"number": "number of nodes with other forces 2, 0 to 1 in the training data"}
+
+
+def test_a_resultant_that_is_rounding_is_that_of_the_training() -> None:
+    """The forces of a pressure on a closed surface add up to rounding errors, 1e-15 of their size.
+
+    A tenth of one of them is no rounding error.
+    """
+    loads = LoadRange(fewest=4, most=4, resultant=(7.8e-16, 1e-16))
+    found = TrainingRange((1.0, 0.0), np.ones(4, dtype=bool), loads)
+    forces = np.array([[0.9, 1e-17], [-0.9, -1e-17], [0.5, 1e-16], [-0.5 + 5e-15, 1e-16]])
+    assert found.exceeded(forces) == {}
+    forces[0, 0] = 0.8
+    assert list(found.exceeded(forces)) == ["resultant"]
+    forces[0] = 0.9, 1e-3
+    assert list(found.exceeded(forces)) == ["range", "resultant"]
+
+
+def test_a_kind_of_load_that_the_training_had_none_of() -> None:
+    """`finger3d` learned pressures and single forces; its own weight is another kind of load."""
+    finger = surrogate.load("finger3d")
+    solution = finger.solve(body_force=(0, 0, -9810))
+    unlike = "a body force is a kind of load that the training data have none of"
+    assert solution.outside_training == (f"{unlike} (pressure, random_nodes)",)
+    assert finger.training_range.compared(solution.force, True) == solution.outside_training[0]
+
+
+def test_body_force_on_a_network_of_pressures_is_no_question_of_units() -> None:
+    """Nothing of a pressure of 1 Pa on two facets is like a weight of 1e-9 N a node."""
+    pressed = PressedNodes(np.tile([0.0, 1.0], (3, 1)), 0.0)
+    loads, nodes = LoadRange(fewest=3, most=3, resultant=(1.0, 3.0)), np.ones(3, dtype=bool)
+    found = TrainingRange((1.0, 1.0), nodes, loads, pressed=pressed, families={"pressure"})
+    weight = np.tile([1e-9, 0.0], (3, 1))
+    only = "forces other than pressures, the only loads of the training data"
+    assert found.exceeded(weight) == {"kind": only}
+    assert found.exceeded(np.tile([0.0, 0.5], (3, 1))) == {}
+    assert "units" in found.compared(weight)
+    assert "units" not in found.compared(weight, body_force=True)
+
+
+def test_families_that_may_draw_any_load_say_nothing_of_its_kind() -> None:
+    pressure, given = {"family": "pressure"}, {"family": "given"}
+    assert known_families({"load": pressure}) == {"pressure"}
+    assert known_families({"load": [pressure, given]}) == frozenset()
+    assert known_families({"load": {"family": "mine.py:Wind"}}) == frozenset()
 
 
 def test_predict_warns_once_a_kind(model: surrogate.Surrogate) -> None:

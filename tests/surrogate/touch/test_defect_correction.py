@@ -26,6 +26,9 @@ class WrongPredictions:
         self.geometry, self.equilibrium = model.geometry, model.equilibrium
         self.driven_body, self._model = model.driven_body, model
 
+    def require_nodes_alone(self, what: str, instead: str) -> None:
+        self._model.require_nodes_alone(what, instead)
+
     def predict(self, forces: Any, **_: Any) -> Any:
         return TOO_FAR * self._model.predict(forces)
 

@@ -90,6 +90,29 @@ def test_what_is_shown_is_held(beam: surrogate.Surrogate, how: dict[str, Any]) -
     assert certificate.max_error < 1e-5
 
 
+@pytest.mark.parametrize(("depth", "force"), [(5.0, 58.8511), (20.0, 638.933)])
+def test_places_held_far_away_are_those_of_the_equilibrium(
+    beam: surrogate.Surrogate, depth: float, force: float
+) -> None:
+    """Forces as `datagen solve beam2d --hold 4,1:-,-5` finds them; 225 N would be predicted."""
+    solution = beam.solve(held={PLACE: (None, -depth)})
+    assert solution.grips is not None
+    assert solution.grips[0] == pytest.approx((0.0, -force), rel=1e-5)
+    assert solution.displacement[node_at(beam, 4, 1), 1] == pytest.approx(-depth)
+    assert solution.correction is not None
+
+
+def test_frames_go_beyond_predictions_and_back(beam: surrogate.Surrogate) -> None:
+    """From 3.6 m on their error is above a hundredth, and the frames are equilibria."""
+    slides = [f"{PLACE}:-,0"]
+    grip, found = surrogate.Grip(beam, slides), {}
+    for depth in (3.0, 3.4, 3.8, 4.2, 3.8, 3.4, 3.0):
+        found[depth] = grip.move([(0.0, -depth)])
+        exact = surrogate.Grip(beam, slides).correct([(0.0, -depth)])
+        np.testing.assert_allclose(found[depth].reactions, exact.reactions, rtol=0.01)
+    assert [depth for depth in found if found[depth].correction is not None] == [3.8, 4.2]
+
+
 def test_far_displacement_is_applied_in_steps() -> None:
     """One whose forces the first steps overshoot."""
     model = surrogate.load("lshape2d_any")

@@ -2,7 +2,7 @@
 
 import { asForce } from "./units";
 
-const MARGIN = 1 + 1e-6; // of rounding
+const ROUNDING = 1e-6; // of forces, which datasets hold in single precision
 
 /** The loads of the training data. */
 export interface TrainingRange {
@@ -23,6 +23,8 @@ export function exceeded(forces: Float64Array, trained: TrainingRange): Map<Kind
   const { limit, loadable, loads } = trained;
   const d = limit.length;
   const sum = new Array<number>(d).fill(0);
+  const rounding = ROUNDING * Math.max(...limit);
+  let sizes = 0;
   let count = 0;
   let isLarge = false;
   let isElsewhere = false;
@@ -30,9 +32,12 @@ export function exceeded(forces: Float64Array, trained: TrainingRange): Map<Kind
     const force = forces.subarray(node * d, (node + 1) * d);
     if (force.every((value) => value === 0)) continue;
     count++;
-    isLarge ||= isBeyond(force, limit);
+    isLarge ||= isBeyond(force, limit, rounding);
     isElsewhere ||= !loadable[node];
-    for (let i = 0; i < d; i++) sum[i] += force[i];
+    for (let i = 0; i < d; i++) {
+      sum[i] += force[i];
+      sizes += Math.abs(force[i]);
+    }
   }
   if (isLarge) {
     found.set(
@@ -47,15 +52,19 @@ export function exceeded(forces: Float64Array, trained: TrainingRange): Map<Kind
     const number = fewest === most ? `${fewest}` : `${fewest} to ${most}`;
     found.set("number", `${count} loaded nodes; ${number} in training`);
   }
-  if (isBeyond(sum, resultant)) {
+  if (isBeyond(sum, resultant, ROUNDING * sizes)) {
     found.set("resultant", `Sum of the loads beyond that of the training, ${plusMinus(resultant)}`);
   }
   return found;
 }
 
-/** Whether a component is larger than allowed. */
-export function isBeyond(force: ArrayLike<number>, limit: readonly number[]): boolean {
-  return limit.some((most, i) => Math.abs(force[i]) > most * MARGIN);
+/** Whether a component is larger than allowed, by more than rounding. */
+export function isBeyond(
+  force: ArrayLike<number>,
+  limit: readonly number[],
+  rounding = 0,
+): boolean {
+  return limit.some((most, i) => Math.abs(force[i]) > most * (1 + ROUNDING) + rounding);
 }
 
 function plusMinus(limit: readonly number[]): string {
