@@ -132,3 +132,55 @@ def test_the_same_equilibrium(
     largest = float(np.abs(expected).max())
     assert largest > 1e-3
     np.testing.assert_allclose(found, expected, rtol=0, atol=CLOSE * largest)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("load", ["traction", "pressure"])
+def test_quadratic_hexahedra_under_a_distributed_load(load: str, tmp_path: Path) -> None:
+    """A dead traction of (4, 0, -6) Pa, and a pressure that follows, on the face z = 1.
+
+    FElupe integrates them on its own quadratic facets.
+    """
+    (tmp_path / "block.geo").write_text(BLOCK.replace("= 4;", "= 3;"))
+    case, file = tmp_path / "block.yaml", tmp_path / "block.vtu"
+    case.write_text(
+        "name: block\n"
+        "mesh: {kind: file, path: block.geo}\n"
+        "material: {young_modulus: 500, poisson_ratio: 0.4}\n"
+        "element: quadratic\n"
+        "supports: [{x: 0}]\n"
+        "load: {family: random_node, region: {x: 2}, range: [-1, 1]}\n"
+        "solver: {relative_tolerance: 1.0e-12}\n"
+        "dataset: {samples: 1, seed: 1}\n"
+    )
+    acting = "top:8,0,-12" if load == "traction" else f"top:{PRESSURE}"  # 2 m²
+    result = execute(DATAGEN, "solve", case, "--load", acting, "--out", file)
+    assert result.returncode == 0, result.stderr
+    solution = meshio.read(file)
+    (block,) = (block for block in solution.cells if block.type == "hexahedron")
+    corners = felupe.Mesh(solution.points, block.data.astype(int), "hexahedron")
+    mesh = felupe.mesh.convert(
+        corners, order=2, calc_points=True, calc_midfaces=True, calc_midvolumes=True
+    )
+    displacement = felupe.Field(felupe.RegionTriQuadraticHexahedron(mesh), dim=3)
+    field = felupe.FieldContainer([displacement])
+    mu, lam = 500 / 2.8, 500 * 0.4 / 1.4 / 0.2
+    solid = felupe.SolidBody(felupe.Hyperelastic(paper_energy, mu=mu, lam=lam), field)
+    top = felupe.RegionTriQuadraticHexahedronBoundary(mesh, mask=np.isclose(mesh.points[:, 2], 1))
+    surface = felupe.FieldContainer([felupe.Field(top, dim=3)])
+    item: Any = felupe.SolidBodyPressure(surface)
+    whole: Any = PRESSURE
+    if load == "traction":
+        shares = np.zeros(len(mesh.points))  # ∫ N_a dS
+        np.add.at(shares, top.mesh.cells.T, np.einsum("aqc,qc->ac", top.h, top.dV))
+        whole = np.outer(shares, [4.0, 0.0, -6.0])
+        item = felupe.PointLoad(field, np.arange(len(shares)), values=whole)
+    bounds = {"held": felupe.Boundary(displacement, fx=0.0)}
+    ramp = {item: [whole * part for part in (0.5, 1.0)]}
+    felupe.Job([felupe.Step([solid, item], ramp=ramp, boundaries=bounds)]).evaluate(
+        verbose=0, tol=1e-11
+    )
+    expected = np.asarray(displacement.values)[: len(solution.points)]
+    found = solution.point_data["displacement"]
+    assert np.abs(expected).max() > 0.05
+    assert np.abs(found - expected).max() < CLOSE * np.abs(expected).max()
