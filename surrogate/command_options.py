@@ -107,6 +107,23 @@ def share(text: str) -> float:
     return value
 
 
+def relative(text: str) -> float:
+    """Read a relative size from 0 to less than 1, also in percent, such as 5%.
+
+    Raises
+    ------
+    argparse.ArgumentTypeError
+        If the text is none.
+    """
+    try:
+        value = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
+    except ValueError:
+        value = -1.0
+    if not 0 <= value < 1:
+        raise argparse.ArgumentTypeError(f"'{text}': expected a part of 1, such as 5% or 0.05")
+    return value
+
+
 def speaks() -> bool:
     """True in the only process, or in the first one that ``torchrun`` has started."""
     return os.environ.get("RANK", "0") == "0"

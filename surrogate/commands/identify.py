@@ -7,11 +7,12 @@ from pathlib import Path
 
 from shared_schema.common.bodies.load_options import add_loads, add_tool
 from shared_schema.common.command_line import Commands, add_command
-from surrogate.command_options import add_device, add_out, add_run, positive, share
+from surrogate.command_options import add_device, add_out, add_run, positive, relative, share
 
 UNKNOWN = (
     "what is sought: forces at a place X,Y[,Z], on a patch X,Y[,Z],R or a group, 'somewhere' on "
-    "the surface (one force), 'body-force', 'young-modulus', 'young-modulus:GROUP' of a zone; "
+    "the surface (one force; 'somewhere,R' within R m, 'somewhere,any' within a radius that is "
+    "sought), 'body-force', 'young-modulus', 'young-modulus:GROUP' of a zone; "
     "'tool' (--tool says which, and about where); repeatable"
 )
 
@@ -34,6 +35,11 @@ def add_to(commands: Commands) -> None:
     add_tool(parser)
     deviation = "standard deviation of a component of the markers in m (default: estimated)"
     parser.add_argument("--noise", type=positive, metavar="S", help=deviation)
+    error = (
+        "standard deviation of the relative error of all displacements of this body, such as 5%% "
+        "(default 0: the body is that of the run, its mesh as well)"
+    )
+    parser.add_argument("--model-error", type=relative, default=0.0, metavar="S", help=error)
     probability = "probability of the intervals (default 0.9)"
     parser.add_argument("--level", type=share, default=0.9, metavar="P", help=probability)
     confirm = "go on from predictions to equilibria of the finite elements"
@@ -59,6 +65,7 @@ def run(options: argparse.Namespace) -> None:
         body_force=options.body_force,
         tool=options.tool,
         noise=options.noise,
+        model_error=options.model_error,
         level=options.level,
         nearest=options.nearest,
         confirm=options.confirm,

@@ -1,8 +1,9 @@
 r"""States that fit the markers, and the probability of the places of a force among them.
 
-Many nodes may bear a force that fits as well as the best one. From parameters that are close to a
-fit, one Gauss–Newton step is enough, and the predictions of all nodes are one batch. With the noise
-σ of the best fit, and all nodes of the surface alike beforehand, the probability of node a is
+Many places may bear a force that fits as well as the best one. From parameters that are close to a
+fit, one Gauss–Newton step is enough, and the predictions of all places are one batch. With the
+noise σ of the best fit, and all nodes of the surface and radii alike beforehand, the probability of
+place a is
 
 .. math:: p_a \propto \exp\Big(-\frac12 \sum_m \min(|r_m| / σ, c)^2\Big)
 
@@ -37,7 +38,9 @@ class Candidate:
     fit : Fit
     scale : array, (p,)
     node : int or None
-        Where the force acts that may act somewhere.
+        Where the force acts that may act somewhere: the middle of its place.
+    radius : float
+        Of this place in m; 0 of a node alone.
     share : float
         Its probability among all places.
     """
@@ -46,17 +49,19 @@ class Candidate:
     fit: Fit
     scale: Array
     node: int | None = None
+    radius: float = 0.0
     share: float = 1.0
 
 
 @dataclass(frozen=True)
 class Start:
-    """Parameters θ of a force on one node, (p,), with the sizes of changes that matter, (p,)."""
+    """Parameters θ of a force in one place, (p,), with the sizes of changes that matter, (p,)."""
 
     unknowns: Unknowns
     theta: Array
     scale: Array
     node: int
+    radius: float = 0.0
 
 
 def likely_candidates(
@@ -71,7 +76,7 @@ def likely_candidates(
         Displacements of the markers in m.
     at_markers : csr_array, (m, n_nodes)
     best : Fit
-        Of one of the nodes, whose noise and wild markers count.
+        Of one of the places, whose noise and wild markers count.
     starts : list of Start
         At least one, from which predictions are finite.
 
@@ -99,7 +104,7 @@ def likely_candidates(
             fit = stepped(best, moved, point, start.scale)
         except WorkError:
             continue
-        found.append(Candidate(start.unknowns, fit, start.scale, start.node))
+        found.append(Candidate(start.unknowns, fit, start.scale, start.node, start.radius))
     if not found:
         raise WorkError("the markers do not tell all that is sought")
     costs = np.array([wild_cost(one.fit.lengths, best.sigma) for one in found])

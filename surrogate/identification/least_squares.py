@@ -13,6 +13,16 @@ that the covariance is that of a linear model around the minimum (Laplace's appr
 
 with n numbers that count and p parameters; intervals are those of Student's t distribution of
 n − p degrees of freedom, or of a normal distribution if σ is given.
+
+The body itself may be another one than the model's, as that of a finer mesh is softer. With a
+*model error* s, the displacements are :math:`(1 + ε) u(θ)` everywhere, with one ε of standard
+deviation s. So the discrepancies of the markers are wholly correlated,
+
+.. math:: \mathrm{cov} \, y = σ^2 I + s^2 h h^T, \qquad C = σ^2 (J^T J)^{-1} + s^2 g g^T,
+          \qquad g = (J^T J)^{-1} J^T h,
+
+and no number of markers makes them less (Kennedy and O'Hagan 2001, *J. R. Stat. Soc.* B63, with
+a discrepancy of one mode). Where one force is sought, its relative error is s.
 """
 
 from __future__ import annotations
@@ -102,6 +112,8 @@ class Fit:
         False of rows that are left out.
     lengths : array, (m,)
         |y − h(θ)| of all rows.
+    response : array, (p,)
+        g: change of θ by the relative change of all displacements.
     freedom : int or None
         n − p; None if σ was given.
     state, slopes : array
@@ -113,9 +125,19 @@ class Fit:
     sigma: float
     counts: NDArray[np.bool_]
     lengths: Array
+    response: Array
     freedom: int | None
     state: Array
     slopes: Array
+
+    def with_model_error(self, error: float) -> Array:
+        """C with a model error, (p, p)."""
+        return self.covariance + error**2 * np.outer(self.response, self.response)
+
+    def variance(self, error: float) -> Array:
+        """Variance of the field, of `state`'s shape: (1 + ε) u for a model error as well."""
+        within = np.einsum("...p,pq,...q->...", self.slopes, self.covariance, self.slopes)
+        return np.asarray(within + (error * (self.slopes @ self.response - self.state)) ** 2)
 
     def half_width(self, level: float) -> float:
         """Half width of the interval of a probability, over the standard deviation."""
@@ -187,9 +209,11 @@ def settled(
     freedom = off[counts].size - parameters
     noise = sigma or max(float(np.sqrt((off[counts] ** 2).sum() / max(freedom, 1))), floor)
     jacobian = point.jacobian[counts].reshape(-1, parameters)
+    inverted = inverse(jacobian.T @ jacobian, scale)
     return Fit(
         theta=point.theta,
-        covariance=noise**2 * inverse(jacobian.T @ jacobian, scale),
+        covariance=noise**2 * inverted,
+        response=inverted @ (jacobian.T @ point.value[counts].ravel()),
         sigma=noise,
         counts=counts,
         lengths=np.linalg.norm(off, axis=1),
@@ -232,6 +256,8 @@ def stepped(best: Fit, measured: Array, point: Point, scale: Array) -> Fit:
         best,
         theta=point.theta + step,
         covariance=best.sigma**2 * inverted,
+        response=inverted
+        @ (jacobian.T @ (point.value + point.jacobian @ step)[best.counts].ravel()),
         lengths=np.linalg.norm(measured - point.value - point.jacobian @ step, axis=1),
         state=point.state + point.slopes @ step,
         slopes=point.slopes,

@@ -1,24 +1,29 @@
-r"""The node of the surface that a single force acts on, from what markers tell.
+r"""The place of the surface that a single force acts on, from what markers tell.
 
-A linear body moves the markers by :math:`A_a g` under a force g on node a, with columns of
+A place is a node of the surface, or what lies within a radius of one, over which the force is
+spread (`shared_schema.common.bodies.surface_patches`).
+
+A linear body moves the markers by :math:`A_a g` under a force g in place a, with columns of
 :math:`K^{-1}` at the markers, which are those of unit forces at the markers (:math:`K^{-1}` is
-symmetric). Nodes are ranked by the robust sum of squares that is left. The first ones are fitted,
+symmetric). Places are ranked by the robust sum of squares that is left. The first ones are fitted,
 with the predictions in place of the linear body. What these move the markers more than the linear
-body does, under the best force found, is then taken from the measured displacements, and the nodes
-are ranked again, until no new ones are among the first. As a rule many nodes fit as well as the
+body does, under the best force found, is then taken from the measured displacements, and the places
+are ranked again, until no new ones are among the first. As a rule many places fit as well as the
 best one, within the noise: the last ranking names all that may bear the force.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, vstack
 
-from shared_schema.common.errors import WorkError
+from shared_schema.common.bodies.surface_patches import SurfacePatches
+from shared_schema.common.errors import InputError, WorkError
+from surrogate.data.geometry import Geometry
 from surrogate.identification.least_squares import FLOOR, Fit, cauchy, wild_cost
 from surrogate.identification.responses import Body
 
@@ -32,7 +37,7 @@ RANKINGS = 6
 
 
 class Places:
-    """Nodes of the surface, and how forces there move the markers of the linear body.
+    """Places of the surface, and how forces there move the markers of the linear body.
 
     Parameters
     ----------
@@ -40,30 +45,56 @@ class Places:
     at_markers : csr_array, (m, n_nodes)
     beside : array, (m, d, K)
         Linear displacements of the markers by other sought forces of 1 N, in m.
+    radii : sequence of float
+        Radii in m that a force may be spread over; 0 on a node alone.
     sigma : float, optional
         Noise of a component in m.
 
     Attributes
     ----------
     nodes : array of int, (n,)
+        In the middle of each place.
+    radii : array, (n,)
+        In m.
+
+    Raises
+    ------
+    InputError
+        If no part of the surface lies within the radius of a node.
     """
 
     def __init__(
-        self, body: Body, at_markers: csr_array, beside: Array, sigma: float | None
+        self,
+        body: Body,
+        at_markers: csr_array,
+        beside: Array,
+        radii: Sequence[float],
+        sigma: float | None,
     ) -> None:
         geometry = body.geometry
-        on_surface = geometry.surface_nodes
-        self.nodes: Numbers = on_surface[geometry.free[on_surface].all(axis=1)]
+        self.nodes, self.radii, self._shares = spread(geometry, radii)
+        count, self._points = self._shares.shape[1], geometry.loaded_body.points
+        self._free = body.equilibrium.free[:count]
         (m, d, _), shape = beside.shape, geometry.coordinates.shape
         unit = np.zeros((m, d, *shape))
         for axis in range(d):
             unit[:, axis, :, axis] = at_markers.toarray()
         units = body.equilibrium.forces_at_points(unit.reshape(m * d, *shape))
-        columns = body.driven_body.compliance.linear_response(units)[:, self.nodes]
-        of_nodes = np.moveaxis(columns, 1, 0).reshape(len(self.nodes), m, d, d)
+        columns = np.moveaxis(body.driven_body.compliance.linear_response(units), 1, 0)
+        of_places = self._shares @ columns[:count].reshape(count, -1)
+        of_nodes = of_places.reshape(len(self.nodes), m, d, d)
         others = np.broadcast_to(beside, (len(self.nodes), *beside.shape))
         self._matrix = np.concatenate([of_nodes, others], axis=-1)  # (n, m, d, d + K)
         self._sigma, self._dimension = sigma, d
+
+    def units(self, number: int) -> Array:
+        """Forces of 1 N along each axis in a place, (d, n_nodes or n_points, d)."""
+        units = np.eye(self._dimension)[:, None] * self._shares[[number]].toarray()[0][:, None]
+        if self._points is None:
+            return np.asarray(units * self._free)
+        nodes = self._points.nodes
+        at_nodes = self._points.on_nodes(units) * self._free[:nodes]
+        return np.concatenate([at_nodes, (units * self._free)[:, nodes:]], axis=1)
 
     def strengths(self, number: int) -> Array:
         """Largest displacement of a marker by each force of 1 N, (d + K,), in m."""
@@ -74,7 +105,7 @@ class Places:
         return np.asarray(self._matrix[number] @ forces)
 
     def ranked(self, moved: Array, count: int = FIRST) -> tuple[list[int], Array]:
-        """Numbers of the first nodes, and the forces in N with which they fit, (count, d + K)."""
+        """Numbers of the first places, and the forces in N with which they fit, (count, d + K)."""
         shape = (len(self.nodes), moved.size, -1)  # one row a component of a marker
         matrix, weights = self._matrix.reshape(shape), np.ones(self._matrix.shape[:2])
         floor = FLOOR * float(np.abs(moved).max())
@@ -91,9 +122,42 @@ class Places:
         return list(map(int, first)), found[first, :, 0]
 
 
+def spread(geometry: Geometry, radii: Sequence[float]) -> tuple[Numbers, Array, csr_array]:
+    """Middles, radii in m, and part of the force on each point: (n,), (n,), (n, n_points).
+
+    Raises
+    ------
+    InputError
+        If there is no such place.
+    """
+    surface, x = geometry.surface_nodes, geometry.coordinates
+    free = surface[geometry.free[surface].all(axis=1)]
+    loaded, facets = geometry.loaded_body, geometry.surface_facets
+    facets = facets if loaded.points is None else loaded.points.facets(facets)
+    patches = SurfacePatches.of(loaded.positions, facets)
+    nodes, sizes, shares = [], [], []
+    for radius in radii:
+        for node in map(int, free):
+            weights = np.zeros(len(loaded.positions))
+            if radius > 0:
+                weights = patches.weights(x[node], radius)
+            else:
+                weights[node] = 1.0
+            if total := float(weights.sum()):
+                nodes.append(node)
+                sizes.append(radius)
+                shares.append(csr_array(weights[None] / total))
+    if not nodes:
+        raise InputError(
+            f"unknown: somewhere,{radii[0]:g}: no part of the surface lies within "
+            f"{geometry.units.written(radii[0])} of a node, expected a larger radius"
+        )
+    return np.array(nodes), np.array(sizes), csr_array(vstack(shares))
+
+
 @dataclass(frozen=True)
 class BestPlace:
-    """The node that fits best.
+    """The place that fits best.
 
     Attributes
     ----------
@@ -112,7 +176,7 @@ class BestPlace:
 def best_place(
     places: Places, moved: Array, fitted: Callable[[int, Array], Fit], at: Callable[[Fit], Array]
 ) -> BestPlace:
-    """Fit predictions at nodes that may bear the force, until no better one is found.
+    """Fit predictions in places that may bear the force, until no better one is found.
 
     Parameters
     ----------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -31,7 +32,7 @@ Array = NDArray[np.float64]
 SOFTER = 0.3  # change of φ that matters
 TOLERANCE = 1e-3  # of the error of a prediction, over its largest displacement
 OF_NOISE = 0.1  # the same, over the noise of a marker, where that is larger
-MANY = 64  # places that may bear a force
+MANY = 64  # places of one radius that may bear a force
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class Finished:
     """A fit without the error of predictions, that error at the markers in m, and the forces."""
 
     fit: Fit
-    model_error: float
+    surrogate_error: float
     force: Array
 
 
@@ -86,17 +87,25 @@ class Search:
             begin[:count] = np.linalg.lstsq(columns, (self._moved - known).ravel(), rcond=None)[0]
         return begin
 
-    def somewhere(self, unknowns: Unknowns) -> list[Candidate]:
-        """Fit a force at any node of the surface, with all others; the most likely node first."""
+    def somewhere(self, unknowns: Unknowns, radii: Sequence[float]) -> list[Candidate]:
+        """Fit a force anywhere on the surface, with all others; the most likely place first.
+
+        Parameters
+        ----------
+        unknowns : Unknowns
+            The others.
+        radii : sequence of float
+            Radii in m that it may be spread over; 0 on a node alone.
+        """
         beside = self._linear(unknowns.patterns)
         known = self._linear(unknowns.known[None])[..., 0]
-        places = Places(self._body, self._at_markers, beside, self._noise)
+        places = Places(self._body, self._at_markers, beside, radii, self._noise)
 
         def scale_at(number: int) -> Array:
             return self._scale(places.strengths(number), unknowns)
 
         def unknowns_at(number: int) -> Unknowns:
-            return unknowns.at(int(places.nodes[number]), SOMEWHERE)
+            return unknowns.at(places.units(number), SOMEWHERE)
 
         def fitted(number: int, forces: Array) -> Fit:
             begin = np.append(forces, np.zeros(len(unknowns.moduli)))
@@ -105,15 +114,17 @@ class Search:
         best = best_place(
             places, self._moved - known, fitted, lambda fit: self._at_markers @ fit.state - known
         )
-        numbers, forces = places.ranked(best.aim, MANY)
+        numbers, forces = places.ranked(best.aim, MANY * len(radii))
         moduli = best.fit.theta[forces.shape[1] :]
         begins = {best.number: best.fit.theta} | {
             number: np.append(begin, moduli)
             for number, begin in zip(numbers, forces, strict=True)
             if number != best.number
         }
+        middles = zip(places.nodes.tolist(), places.radii.tolist(), strict=True)
+        of_place = dict(enumerate(middles))
         starts = [
-            Start(unknowns_at(number), theta, scale_at(number), int(places.nodes[number]))
+            Start(unknowns_at(number), theta, scale_at(number), *of_place[number])
             for number, theta in begins.items()
         ]
         return likely_candidates(self._body, self._moved, self._at_markers, best.fit, starts)

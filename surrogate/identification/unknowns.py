@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.common.bodies.command_loads import CommandLoads
+from shared_schema.common.bodies.force_tolerance import mean_edge
 from shared_schema.common.errors import InputError
 from shared_schema.tools import Tool
 from surrogate.data.geometry import Geometry
@@ -27,6 +28,8 @@ Array = NDArray[np.float64]
 BODY_FORCE = "body-force"
 YOUNG_MODULUS = "young-modulus"
 SOMEWHERE = "somewhere"
+ANY = "any"
+LARGEST_PATCH = 0.25  # of the body's length: radius of a force whose radius is sought
 TOOL = "tool"
 AXES = "xyz"
 OF_ZONE = f"{YOUNG_MODULUS}:"
@@ -76,8 +79,8 @@ class Unknowns:
         geometry : Geometry
         texts : sequence of str
             Places as ``--load`` names them ("4,1", "4,1,0.2" or a group), "body-force",
-            "young-modulus", or "young-modulus:GROUP" of zones, and "somewhere", which `at` brings
-            in.
+            "young-modulus", or "young-modulus:GROUP" of zones, and "somewhere" (`radii_of`), which
+            `at` brings in.
         known : array, (n_nodes or n_points, d)
         moduli : array, (q,)
         nearest : bool
@@ -88,7 +91,8 @@ class Unknowns:
         Raises
         ------
         InputError
-            If there is no such place, or one is named twice, or the tool is not what is sought.
+            If there is no such place, or one is named twice, if a pressure of the case acts there,
+            or the tool is not what is sought.
         """
         if (tool is not None) != (list(texts) == [TOOL]):
             raise InputError(f"unknown: {', '.join(texts)}: expected 'tool' alone, and a tool")
@@ -101,8 +105,9 @@ class Unknowns:
         sought: list[str] = []
         patterns: list[Array] = []
         for text in texts:
-            if text == SOMEWHERE or is_modulus(text):
+            if is_somewhere(text) or is_modulus(text):
                 continue
+            require_no_pressure(geometry, text)
             for axis, unit in enumerate(np.eye(geometry.dimension)):
                 load, values = CommandLoads(geometry.loaded_body), ",".join(map(str, unit))
                 if text == BODY_FORCE:
@@ -118,7 +123,7 @@ class Unknowns:
                 "expected a load that is known beside it"
             )
         sought += [text for text in texts if is_modulus(text)]
-        if not sought and SOMEWHERE not in texts:
+        if not sought and not any(map(is_somewhere, texts)):
             raise InputError("unknown: nothing is sought, expected a place or young-modulus")
         shape = (len(patterns), *known.shape)
         stacked = np.array(patterns).reshape(shape)
@@ -149,12 +154,17 @@ class Unknowns:
         softened = self.patterns * np.exp(-theta[-1])
         return np.concatenate([softened, -self.forces(theta)[None]])
 
-    def at(self, node: int, text: str) -> Unknowns:
-        """The same with forces on one more node, which come first."""
-        d = self.known.shape[1]
-        units = np.zeros((d, *self.known.shape))
-        units[np.arange(d), node, np.arange(d)] = 1.0
-        names = tuple(f"{text} {axis}" for axis in AXES[:d])
+    def at(self, units: Array, text: str) -> Unknowns:
+        """The same with forces in one more place, which come first.
+
+        Parameters
+        ----------
+        units : array, (d, n_nodes or n_points, d)
+            Those of 1 N along each axis.
+        text : str
+            Name of the place.
+        """
+        names = tuple(f"{text} {axis}" for axis in AXES[: len(units)])
         patterns = np.concatenate([units, self.patterns])
         return replace(self, names=names + self.names, patterns=patterns)
 
@@ -167,3 +177,60 @@ def is_modulus(text: str) -> bool:
 def zones_of(texts: Sequence[str]) -> tuple[str, ...]:
     """Zones whose moduli are sought."""
     return tuple(text.removeprefix(OF_ZONE) for text in texts if text.startswith(OF_ZONE))
+
+
+def is_somewhere(text: str) -> bool:
+    """Whether a force is sought somewhere on the surface."""
+    return text.partition(",")[0] == SOMEWHERE
+
+
+def radii_of(geometry: Geometry, text: str) -> list[float]:
+    """Radii in m that the force may be spread over which acts somewhere; 0 on a node alone.
+
+    Parameters
+    ----------
+    geometry : Geometry
+    text : str
+        "somewhere" on a node, "somewhere,R" within R m of one, "somewhere,any" of a radius that is
+        sought: none, the length of an edge, √2 times, twice and so on, up to a quarter of the
+        body's length.
+
+    Raises
+    ------
+    InputError
+        If the radius is none.
+    """
+    _, comma, said = text.partition(",")
+    if not comma:
+        return [0.0]
+    if said == ANY:
+        edge = mean_edge(geometry.coordinates, geometry.cells)
+        longest = LARGEST_PATCH * float(np.ptp(geometry.coordinates, axis=0).max())
+        steps = max(int(2 * np.log2(longest / edge)), 0)
+        return [0.0, *(edge * 2.0 ** (k / 2) for k in range(steps + 1))]
+    try:
+        radius = float(said)
+    except ValueError:
+        radius = 0.0
+    if not 0 < radius < np.inf:
+        raise InputError(
+            f"unknown: {text}: expected {SOMEWHERE},R with R > 0 m, or {SOMEWHERE},any"
+        )
+    return [radius]
+
+
+def require_no_pressure(geometry: Geometry, text: str) -> None:
+    """Raise InputError if a pressure of the case acts on a group, which no total force stands for.
+
+    A pressure that follows the surface turns with it, and the forces of a closed surface add up to
+    none.
+    """
+    if text not in geometry.groups:
+        return
+    facets = np.sort(geometry.loaded_body.facets_of(text), axis=1)
+    corners = facets.shape[1]  # which stand before the other points of a facet
+    pressed = {tuple(sorted(row[:corners])) for surface in geometry.surfaces for row in surface}
+    if any(tuple(row) in pressed for row in facets):
+        raise InputError(
+            f"unknown: {text}: a pressure acts there, which cannot be sought; expected a force"
+        )

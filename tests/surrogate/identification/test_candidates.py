@@ -23,7 +23,7 @@ def test_one_step_gives_the_probabilities_of_whole_fits(load: str) -> None:
     markers = seen(beam, truth)
     at_markers = markers.interpolation(geometry)
     unknowns = Unknowns.of(geometry, ["somewhere"], np.zeros(truth.shape), np.empty(0))
-    candidates = Search(beam, markers.moved, at_markers, NOISE).somewhere(unknowns)
+    candidates = Search(beam, markers.moved, at_markers, NOISE).somewhere(unknowns, [0.0])
     shares = {one.node: one.share for one in candidates if one.node is not None}
     assert len(shares) > 2
     assert list(shares.values()) == sorted(shares.values(), reverse=True)
@@ -32,7 +32,9 @@ def test_one_step_gives_the_probabilities_of_whole_fits(load: str) -> None:
     likelihood = {}
     for node in map(int, nodes):
         scale = np.full(2, 1.0)
-        response = PredictedResponse(beam, unknowns.at(node, "force"), at_markers, scale)
+        units = np.zeros((2, *truth.shape))
+        units[[0, 1], node, [0, 1]] = 1.0
+        response = PredictedResponse(beam, unknowns.at(units, "force"), at_markers, scale)
         try:
             found = fit(response.model, markers.moved, np.zeros(2), scale, NOISE)
         except WorkError:

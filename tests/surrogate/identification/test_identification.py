@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +15,8 @@ import surrogate
 from shared_schema.common.errors import InputError, WorkError
 from surrogate import Markers, identify
 from surrogate.command_line import main
+from surrogate.identification.unknowns import Unknowns
+from tests.surrogate.mechanics.bodies import box
 
 Array = NDArray[np.float64]
 NOISE = 0.004  # m, of a beam of 4 m
@@ -73,7 +77,7 @@ def test_exact_markers(beam: surrogate.Surrogate, confirm: bool) -> None:
     found = identify(beam, markers, ["4,1"], confirm=confirm)
     np.testing.assert_allclose(found.values, (1, -2), rtol=1e-4)
     np.testing.assert_allclose(found.displacement, truth.displacement, atol=1e-5)
-    assert (found.model_error == 0) == confirm
+    assert (found.surrogate_error == 0) == confirm
 
 
 def test_place_of_a_force(beam: surrogate.Surrogate) -> None:
@@ -87,6 +91,68 @@ def test_place_of_a_force(beam: surrogate.Surrogate) -> None:
     exact = identify(beam, seen(beam, truth.displacement, count=30, noise=0), ["somewhere"])
     assert exact.place == pytest.approx((2.4, 1), abs=1e-9)
     np.testing.assert_allclose(exact.values, (1.5, -4), rtol=1e-3)
+
+
+@pytest.mark.parametrize("said", ["somewhere,0.7", "somewhere,any"])
+def test_force_that_is_spread(beam: surrogate.Surrogate, said: str) -> None:
+    """Without noise: the force on the surface within 0.7 m, which no single node takes.
+
+    A radius that is sought is one of 0, 0.27, 0.38, 0.53 and 0.75 m (the mean edge is 0.3 m).
+    """
+    truth = beam.solve("2.4,1,0.7:1.5,-4", correct=True)
+    markers = seen(beam, truth.displacement, count=40, noise=1e-4)
+    found = identify(beam, markers, [said])
+    assert found.place == pytest.approx((2.4, 1), abs=0.3)
+    assert found.radius == pytest.approx(0.7, abs=0.1)
+    assert found.radius_std is not None
+    assert "radius: " in repr(found)
+    np.testing.assert_allclose(found.values, (1.5, -4), rtol=0.05)
+    np.testing.assert_allclose(found.force.sum(axis=0), found.values, rtol=1e-9)
+    off = np.linalg.norm(found.displacement - truth.displacement, axis=1).max()
+    point = identify(beam, markers, ["somewhere"])
+    assert point.radius == 0.0
+    assert np.linalg.norm(point.displacement - truth.displacement, axis=1).max() > 3 * off
+
+
+def test_what_is_no_noise_is_said(
+    beam: surrogate.Surrogate, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A force that is sought at the end, but acts in the middle."""
+    truth = beam.solve("2.4,1:1.5,-4", correct=True)
+    markers = seen(beam, truth.displacement, count=30)
+    right = identify(beam, markers, ["2.4,1"], noise=NOISE)
+    assert right.noise_probability > 0.01
+    assert caplog.text == ""
+    for noise in (NOISE, None):
+        wrong = identify(beam, markers, ["4,1"], noise=noise)
+        assert wrong.noise_probability < 0.01
+        assert "off the state that fits them best by more than noise" in caplog.text
+        caplog.clear()
+
+
+def test_model_errors_widen_intervals(beam: surrogate.Surrogate) -> None:
+    """Of a force by its part; of a modulus by E: hypot of both; the field is seen as before."""
+    truth = beam.solve("4,1:0,-0.2", correct=True)
+    markers = seen(beam, truth.displacement, count=30)
+    for unknown, load, sought in (("4,1", [], -0.2), ("young-modulus", ["4,1:0,-0.2"], 500.0)):
+        one = identify(beam, markers, [unknown], load)
+        other = identify(beam, markers, [unknown], load, model_error=0.05)
+        np.testing.assert_array_equal(one.values, other.values)
+        expected = np.hypot(one.std[-1], 0.05 * abs(sought))
+        assert other.std[-1] == pytest.approx(expected, rel=0.05)
+        assert np.abs(other.std_displacement - one.std_displacement).max() < 2e-4
+
+
+def test_a_pressure_is_refused() -> None:
+    """A group that a pressure of the case follows has no total force."""
+    body = box("quad")
+    end = body.coordinates[:, 0] == 2
+    pressed = replace(body, groups={"end": end, "top": body.coordinates[:, 1] == 1})
+    pressed = replace(pressed, pressed=pressed.loaded_body.facets_of("end"))
+    none = np.zeros(body.coordinates.shape)
+    assert Unknowns.of(pressed, ["top"], none, np.empty(0)).names == ("top x", "top y")
+    with pytest.raises(InputError, match="unknown: end: a pressure acts there, which cannot be"):
+        Unknowns.of(pressed, ["end"], none, np.empty(0))
 
 
 def test_stiffness_and_a_force(beam: surrogate.Surrogate) -> None:
@@ -118,6 +184,11 @@ X = np.array([[2.0, 0.5], [3.0, 0.5], [3.5, 0.2]])
         ((X, X[:2]), ["4,1"], {}, "expected (m, d) twice"),
         ((np.ones((3, 3)), np.ones((3, 3))), ["4,1"], {}, "3 coordinates, expected 2"),
         ((X, X), ["4,1"], {"noise": -1.0}, "noise: -1.0, expected more than 0 m"),
+        ((X, X), ["somewhere,0"], {}, "somewhere,0: expected somewhere,R with R > 0 m"),
+        ((X, X), ["somewhere,1e-6"], {}, "no part of the surface lies within 1e-06 m of a node"),
+        ((X, X), ["somewhere", "somewhere,1"], {}, "expected one force somewhere"),
+        ((X[:1], X[:1]), ["somewhere,any"], {}, "3 parameters are sought, and 2 components"),
+        ((X, X), ["4,1"], {"model_error": 1.0}, "model_error: 1.0, expected from 0 to less than 1"),
         ((X, X), ["4,1"], {"level": 1.0}, "level: 1.0, expected more than 0 and less than 1"),
     ],
 )
@@ -151,7 +222,10 @@ def test_command(
     path.write_text("\n".join(["X,Y,x,y", "# by a camera", *lines]))
     words = ["identify", "beam2d_any", "--unknown", "4,1", "--out", str(out)]
     assert main([*words, "--markers", str(path)]) == 0
-    assert "4,1 y: -2" in capsys.readouterr().out
+    assert "4,1 y: -2 N (-2" in capsys.readouterr().out
+    assert main([*words, "--markers", str(path), "--model-error", "5%"]) == 0
+    low, high = re.findall(r"4,1 y: -2 N \((.*) to (.*)\)", capsys.readouterr().out)[0]
+    assert float(high) - float(low) > 0.2
     with np.load(out) as found:
         np.testing.assert_allclose(found["displacement"], truth.displacement, atol=1e-5)
         assert {"std", "force"} <= set(found)

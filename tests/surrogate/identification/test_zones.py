@@ -56,7 +56,7 @@ def test_moduli_without_noise(body: surrogate.Surrogate) -> None:
     found = identify(body, seen(body, moduli), ZONES, [load_of(body)])
     assert found.names == tuple(ZONES)
     np.testing.assert_allclose(found.values, (300, 2000), rtol=1e-5)
-    assert found.model_error == 0
+    assert found.surrogate_error == 0
     truth = body.with_young_moduli(moduli).solve(load_of(body), correct=True)
     np.testing.assert_allclose(found.displacement, truth.displacement, atol=1e-7)
     np.testing.assert_allclose(found.force, truth.force, atol=1e-12)
