@@ -185,7 +185,12 @@ X = np.array([[2.0, 0.5], [3.0, 0.5], [3.5, 0.2]])
         ((np.ones((3, 3)), np.ones((3, 3))), ["4,1"], {}, "3 coordinates, expected 2"),
         ((X, X), ["4,1"], {"noise": -1.0}, "noise: -1.0, expected more than 0 m"),
         ((X, X), ["somewhere,0"], {}, "somewhere,0: expected somewhere,R with R > 0 m"),
-        ((X, X), ["somewhere,1e-6"], {}, "no part of the surface lies within 1e-06 m of a node"),
+        (
+            (X, X),
+            ["somewhere,1e-6"],
+            {},
+            "lies within 0.001 mm of a node, expected a larger radius",
+        ),
         ((X, X), ["somewhere", "somewhere,1"], {}, "expected one force somewhere"),
         ((X[:1], X[:1]), ["somewhere,any"], {}, "3 parameters are sought, and 2 components"),
         ((X, X), ["4,1"], {"model_error": 1.0}, "model_error: 1.0, expected from 0 to less than 1"),
