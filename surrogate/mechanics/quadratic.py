@@ -10,7 +10,7 @@ Newton's method with a line search finds them from their linear interpolation, i
 triangles and tetrahedra after a step that makes the volumes right. So a displacement of
 the nodes is one of all points, and the error of a prediction is not that of the interpolation: at
 the nodes of an equilibrium, the points are those of the equilibrium itself. Under pressures on them
-there is no such energy: the steps are those of `Equilibrium.damped_step`.
+there is no such energy: every step is one under the pressures' forces as they are.
 
 A *load* is one array of the nodal forces f, and after these, if there are any, the forces g of the
 points between the nodes (`shared_schema.common.bodies.quadratic.points_between`). f does the work
@@ -21,7 +21,7 @@ alone.
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,34 +99,30 @@ class QuadraticEquilibrium(Equilibrium):
 
     def _balanced(self, u: Array, f: Array) -> Array:
         """Move the points between the nodes to their equilibrium, (1, n_points, d)."""
-        body = self._held_at_nodes
-        if self.pressure is not None and self.pressure.points is not None:
-            body = body.under(self.pressure)
-        find = partial(lower, body) if body.pressure is None else body.damped_step
+        body, pressure = self._held_at_nodes, self.pressure
+        pressed = None if pressure is None or pressure.points is None else body.under(pressure)
         u = body.relaxed(u, f)
         for _ in range(ITERATIONS):
-            r = body.out_of_balance(u, f)
-            advanced = find(u, f, r, HALVINGS)
-            if advanced is None:
+            lowered = lower(body, u, f if pressed is None else pressed.external(u, f))
+            if lowered is None:
                 break
-            step, u = advanced[0] - u, advanced[0]
-            if norms(step) <= SMALL * norms(u):
+            size, u = norms(lowered - u), lowered
+            if size <= SMALL * norms(u):
                 break
         return u
 
 
-def lower(
-    body: Equilibrium, u: Array, f: Array, r: Array, halvings: int
-) -> tuple[Array, Array] | None:
-    """Newton step, halved until Π is no higher: the next displacement, with r before it.
+def lower(body: Equilibrium, u: Array, f: Array) -> Array | None:
+    """Newton step under dead forces, halved until Π is no higher: the next state.
 
     All arrays are (1, n_points, d); None if there is no such step.
     """
-    potential, (step, _) = body.potential(u, f), body.newton_step(u, r)
-    for halving in range(halvings):
+    step, _ = body.newton_step(u, body.out_of_balance(u, f))
+    potential = body.potential(u, f)
+    for halving in range(HALVINGS):
         trial = u + 0.5**halving * step
         if body.potential(trial, f) <= potential + body.rounding:
-            return trial, r
+            return trial
     return None
 
 

@@ -111,8 +111,8 @@ def held_box(cell_type: str) -> Geometry:
 def loads_on(geometry: Geometry, pressure: float) -> CommandLoads:
     """A force at a node, a traction, a body force, and a pressure on the upper side."""
     given, d = CommandLoads(geometry.loaded_body), geometry.dimension
-    given.add_forces(end_load(geometry, *(4.0, 3.0, 4.0)[:d]))
-    given.add("end:" + ("4,3", "4,3,4")[d - 2])
+    given.add_forces(end_load(geometry, *(6.0, 5.0, 6.0)[:d]))
+    given.add("end:" + ("6,5", "6,5,6")[d - 2])
     given.add_body_force(("-1,2", "-1,2,1")[d - 2])
     given.add(f"top:{pressure}")
     return given
@@ -165,7 +165,8 @@ def test_the_two_programs_have_one_equilibrium(
     assert corrected.displacement.shape == u.shape
     np.testing.assert_allclose(corrected.displacement, u, rtol=0, atol=1e-9 * largest)
 
-    wrong = u + 1e-3 * np.sin(5 * geometry.coordinates) * geometry.free
+    size = 1e-3 if ratio == 0.4 else 1e-4  # of larger errors the volumes are far off at ν = 0.4999
+    wrong = u + size * np.sin(5 * geometry.coordinates) * geometry.free
     certificate = certify(pressed, load, wrong)
     assert certificate.settled
     error = certificate.error - (wrong - u)
