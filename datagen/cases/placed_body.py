@@ -8,14 +8,13 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from datagen.cases.case import Case
-from datagen.cases.support import can_move
+from datagen.cases.rigid_motions import motion_problem
 from datagen.discretisation.element import element_kind
 from datagen.discretisation.locking import locking_warning
 from datagen.loads import LoadableNodes, LoadFamily, LoadsTogether
+from datagen.mesh.group_names import groups_of_sides
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.mesh.regions import Region
 from shared_schema.common.bodies.cells import boundary_facets
@@ -119,7 +118,8 @@ def placed(case: Case, mesh: RawMesh) -> PlacedBody:
             raise InputError(
                 f"case '{case.name}': key 'supports.{number}.components': the body is in the plane"
             )
-        held[_select(case, f"supports.{number}", support, mesh)] |= components
+        chosen = _select(case, f"supports.{number}", support, mesh, of_sides=True)
+        held[chosen] |= components
     several = isinstance(case.load, tuple)
     points = points_of(case, mesh)
     nodes = [
@@ -175,7 +175,8 @@ def _loadable(
     points: PointsBetween | None,
 ) -> LoadableNodes:
     """Nodes of a family; InputError if some of a given region are clamped, for loads at nodes."""
-    region, clamped = _select(case, key, family.region, mesh), held.all(axis=1)
+    region = _select(case, key, family.region, mesh, family.of_sides)
+    clamped = held.all(axis=1)
     may_touch = family.integrates or family.is_everywhere
     if (region & clamped).any() and not (may_touch and (region & ~clamped).any()):
         at = ",".join(f"{value:g}" for value in mesh.coordinates[region & clamped][0])
@@ -196,58 +197,29 @@ def _loadable(
 
 def _require_supported(case: Case, mesh: RawMesh, held: NDArray[np.bool_]) -> None:
     """Raise InputError if a part of the mesh can move without a strain."""
-    loose = loose_nodes(mesh, np.asarray(held.any(axis=1)))
-    if loose.size:
-        at = ",".join(f"{value:g}" for value in mesh.coordinates[loose[0]])
-        raise InputError(
-            f"case '{case.name}': key 'supports': {loose.size} nodes are not connected to a "
-            f"clamped one, the first at {at}"
-        )
-    number = parts_of(mesh)
-    for part in range(int(number.max()) + 1):
-        members = number == part
-        if can_move(mesh.coordinates[members], held[members]):
-            at = ",".join(f"{value:g}" for value in mesh.coordinates[members][0])
-            raise InputError(
-                f"case '{case.name}': key 'supports': the body at {at} can still move or turn as "
-                "a whole, expected it to be held"
-            )
+    problem = motion_problem(mesh, held)
+    if problem is not None:
+        raise InputError(f"case '{case.name}': key 'supports': {problem}")
 
 
-def _select(case: Case, key: str, region: Region, mesh: RawMesh) -> NDArray[np.bool_]:
-    """Nodes of a region, (n_nodes,); InputError that names the key of the region if it has none."""
+def _select(
+    case: Case, key: str, region: Region, mesh: RawMesh, of_sides: bool
+) -> NDArray[np.bool_]:
+    """Nodes of a region, (n_nodes,); InputError that names the key of the region if it has none.
+
+    A group may be one of sides only, where it is a support or a load on the surface.
+    """
     try:
         needed = region.boundary or (region.nodes is not None and mesh.origins is not None)
         facets = boundary_facets(mesh.cells, mesh.cell_type) if needed else None
-        nodes = region.select(mesh.coordinates, mesh.groups, facets, mesh.places, mesh.origins)
+        groups = (
+            groups_of_sides(mesh.groups, mesh.coordinates.shape[1]) if of_sides else mesh.groups
+        )
+        nodes = region.select(
+            mesh.coordinates, groups, facets, mesh.places, mesh.origins, mesh.counted_from
+        )
     except ValueError as error:
         raise InputError(f"case '{case.name}': key '{key}': {error}") from None
     if not nodes.any():
         raise InputError(f"case '{case.name}': key '{key}': no node of the mesh lies there")
     return nodes
-
-
-def loose_nodes(mesh: RawMesh, clamped: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Find the nodes from which no path of cells leads to a clamped node.
-
-    Parameters
-    ----------
-    mesh : RawMesh
-    clamped : array of bool, (n_nodes,)
-
-    Returns
-    -------
-    array of int, (n_loose,)
-        Node numbers, ascending.
-    """
-    part = parts_of(mesh)
-    return np.flatnonzero(~np.isin(part, part[clamped]))
-
-
-def parts_of(mesh: RawMesh) -> NDArray[np.int64]:
-    """Number of the connected part of the mesh that each node belongs to, (n_nodes,)."""
-    first = np.repeat(mesh.cells[:, 0], mesh.cells.shape[1])
-    count = len(mesh.coordinates)
-    edges = coo_array((np.ones(first.size), (first, mesh.cells.ravel())), shape=(count, count))
-    _, part = connected_components(edges, directed=False)
-    return np.asarray(part, dtype=np.int64)

@@ -36,33 +36,3 @@ class Support(Region):
     def holds(self, dimension: int) -> NDArray[np.bool_]:
         """Components that are held, (d,)."""
         return np.array([self.components is None or a in self.components for a in AXES[:dimension]])
-
-
-def rigid_modes(positions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Displacements of the rigid motions of a body, rotations about its middle.
-
-    Parameters
-    ----------
-    positions : array, (n_nodes, d)
-        In m; the modes have no unit, lengths are relative to the size of the body.
-
-    Returns
-    -------
-    array, (n_nodes, d, 3 or 6)
-    """
-    count, d = positions.shape
-    x = (positions - positions.mean(axis=0)) / max(float(np.ptp(positions, axis=0).max()), 1e-300)
-    modes = [np.tile(np.eye(d)[axis], (count, 1)) for axis in range(d)]
-    for a in range(d):
-        for b in range(a + 1, d):
-            turned = np.zeros((count, d))
-            turned[:, a], turned[:, b] = -x[:, b], x[:, a]
-            modes.append(turned)
-    return np.stack(modes, axis=-1)
-
-
-def can_move(positions: NDArray[np.float64], held: NDArray[np.bool_]) -> bool:
-    """True if a connected body can move without a strain, (n_nodes, d) both."""
-    modes = rigid_modes(positions)
-    rows = modes[held]
-    return int(np.linalg.matrix_rank(rows, tol=1e-6)) < modes.shape[-1] if len(rows) else True

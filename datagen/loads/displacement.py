@@ -6,7 +6,7 @@ without the grip, the body is in the same equilibrium.
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import AfterValidator, Field, field_validator
@@ -30,6 +30,8 @@ class Displacement(LoadFamily):
     components : tuple of "x", "y", "z"
         Components that are prescribed, all by default; the others are free.
     """
+
+    of_sides: ClassVar[bool] = True
 
     region: Region
     range: LengthRange

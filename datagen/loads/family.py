@@ -189,6 +189,7 @@ class LoadFamily(Frozen, ABC):
     integrates: ClassVar[bool] = False
     presses: ClassVar[bool] = False
     touches: ClassVar[bool] = False
+    of_sides: ClassVar[bool] = False  # groups are of facets, where cells have the same name
 
     family: str
     region: Region = Region()

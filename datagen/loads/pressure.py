@@ -26,6 +26,7 @@ class Pressure(LoadFamily):
     """
 
     integrates: ClassVar[bool] = True
+    of_sides: ClassVar[bool] = True
     presses: ClassVar[bool] = True
 
     region: Region = Region(boundary=True)

@@ -42,6 +42,7 @@ class ToolPress(LoadFamily):
     """
 
     touches: ClassVar[bool] = True
+    of_sides: ClassVar[bool] = True
 
     region: Region = Region(boundary=True)
     radius: Size | tuple[Size, Size]

@@ -30,6 +30,7 @@ class Traction(LoadFamily):
     """
 
     integrates: ClassVar[bool] = True
+    of_sides: ClassVar[bool] = True
 
     region: Region = Region(boundary=True)
     range: ForceRange

@@ -10,6 +10,7 @@ the region (`shared_schema.common.bodies.surface_patches`). In two dimensions th
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +47,8 @@ class TractionPatch(LoadFamily):
     count : tuple of 2 ints
         Smallest and largest number of patches of a sample; the number is drawn uniformly.
     """
+
+    of_sides: ClassVar[bool] = True
 
     region: Region = Region(boundary=True)
     range: ForceRange

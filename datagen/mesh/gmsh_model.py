@@ -10,7 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from datagen.mesh.group_names import KINDS, Group
 from datagen.mesh.raw_mesh import RawMesh, raw_mesh
+from shared_schema.common.errors import first_line
 
 MESHIO_NAMES = {1: "line", 2: "triangle", 3: "quad", 4: "tetra", 5: "hexahedron", 15: "vertex"}
 
@@ -38,12 +40,37 @@ def gmsh_session(parameters: Mapping[str, float] = MappingProxyType({})) -> Iter
         gmsh.finalize()
 
 
+def generate(gmsh: Any, dimension: int) -> None:
+    """Mesh the current model of gmsh.
+
+    Raises
+    ------
+    ValueError
+        If gmsh fails, with its reason and the place.
+    """
+    try:
+        gmsh.model.mesh.generate(dimension)
+    except Exception as error:  # gmsh raises nothing more special
+        failed = gmsh.model.mesh.getLastEntityError()
+        where = ""
+        if failed:
+            box = np.reshape(gmsh.model.getBoundingBox(*failed[0]), (2, 3))
+            kind = KINDS[failed[0][0]]
+            corners = " to ".join(",".join(f"{x:g}" for x in corner.round(6)) for corner in box)
+            where = f" of {kind} {failed[0][1]} at {corners}"
+        raise ValueError(
+            f"gmsh makes no mesh{where} ({first_line(error).strip()}), expected closed bodies "
+            "whose sides neither cut nor cover each other"
+        ) from None
+
+
 def mesh_of(model: Any) -> RawMesh:
     """Convert the mesh of a gmsh model to arrays, nodes in the order of their tags.
 
     If physical groups of the highest dimension are defined, the mesh consists of their cells,
-    otherwise of all cells. Every physical group becomes a group of nodes, under its name or number,
-    and if it is of the highest dimension a group of cells as well.
+    otherwise of all cells. Every physical group becomes a group of nodes, under its name or number
+    (`datagen.mesh.group_names.by_name`), and if it is of the highest dimension a group of cells as
+    well.
 
     Raises
     ------
@@ -66,12 +93,12 @@ def mesh_of(model: Any) -> RawMesh:
             blocks.append((MESHIO_NAMES.get(kind, str(name)), cells))
             for group, entities in bodies.items():
                 cell_sets[group].append(np.arange(len(cells)) if entity in entities else None)
-    groups: dict[str, Any] = {}
+    groups: dict[Group, Any] = {}
     for dim, tag in model.getPhysicalGroups():
-        name = model.getPhysicalName(dim, tag) or str(tag)
+        key = dim, model.getPhysicalName(dim, tag) or str(tag)
         members = np.searchsorted(tags, model.mesh.getNodesForPhysicalGroup(dim, tag)[0])
-        groups[name] = np.union1d(groups.get(name, members), members)
-    return raw_mesh(points, blocks, groups, cell_sets)
+        groups[key] = np.union1d(groups.get(key, members), members)
+    return raw_mesh(points, blocks, groups, cell_sets, tags.astype(np.int64))
 
 
 def _has_cells(model: Any, dimension: int) -> bool:

@@ -14,24 +14,24 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
 
-from datagen.mesh.cad_file import is_cad, mesh_of_cad
-from datagen.mesh.gmsh_model import gmsh_session, mesh_of
-from datagen.mesh.gmsh_script import constants_of, require_harmless
+from datagen.mesh.files.abaqus_file import is_of_abaqus, mesh_of_abaqus
+from datagen.mesh.files.cad_file import is_cad, mesh_of_cad
+from datagen.mesh.files.gmsh_file import is_of_gmsh, is_script, mesh_by_gmsh
+from datagen.mesh.files.gmsh_script import constants_of, require_harmless
+from datagen.mesh.files.meshio_file import mesh_by_meshio
+from datagen.mesh.files.surface_file import is_surface, mesh_inside
 from datagen.mesh.overlap import overlap_problem
-from datagen.mesh.raw_mesh import RawMesh, raw_mesh, read_raw_mesh, write_raw_mesh
+from datagen.mesh.raw_mesh import RawMesh, read_raw_mesh, write_raw_mesh
 from datagen.mesh.refinement import refined
-from datagen.mesh.surface_file import is_surface, mesh_inside
 from datagen.quantities import Size
 from shared_schema.common.checksum import sha256
 from shared_schema.common.configuration import Frozen, absent
 from shared_schema.common.errors import InputError, first_line
 
-OF_GMSH = (".geo", ".msh")
 Parameter = Annotated[float, Field(ge=-1e12, le=1e12)]
 UNFIT = 3  # exit code of the process that reads a mesh, if it says what is wrong
 
@@ -46,7 +46,7 @@ class MeshFile(Frozen):
     path : str
         Path relative to the case file. gmsh meshes ``.geo``, CAD files (``.step``, ``.iges``,
         ``.brep``) and the inside of closed surfaces (``.stl``), and reads ``.msh``; meshio reads
-        all other files.
+        all other files but Abaqus' ``.inp``. Endings may be in capitals.
     size : float, optional
         Size of the cells in m before `scale`, of a CAD file or a surface only. Without it the
         triangles of a surface stay.
@@ -86,7 +86,7 @@ class MeshFile(Frozen):
 
     @model_validator(mode="after")
     def _has_parameters_of_a_script(self) -> MeshFile:
-        if self.parameters and Path(self.path).suffix != ".geo":
+        if self.parameters and not is_script(self.path):
             raise ValueError(f"'parameters' of '{self.path}': expected none, it is no gmsh script")
         return self
 
@@ -109,7 +109,7 @@ class MeshFile(Frozen):
         path = folder / self.path
         if not path.is_file():
             raise InputError(f"key 'mesh.path' = '{self.path}': no such file {path}")
-        if path.suffix in OF_GMSH and not trust:
+        if is_of_gmsh(path) and not trust:
             try:
                 require_harmless(path)
             except (ValueError, OSError) as error:
@@ -167,12 +167,7 @@ def _ending(code: int) -> str:
 def main(path: Path, result: Path, size: float | None, parameters: Mapping[str, float]) -> int:
     """Read a mesh and write its arrays to `result`, or print what is wrong with it."""
     try:
-        if is_surface(path):
-            mesh = mesh_inside(path, size)
-        elif size is not None:
-            mesh = mesh_of_cad(path, size)
-        else:
-            mesh = _by_gmsh(path, parameters) if path.suffix in OF_GMSH else _by_meshio(path)
+        mesh = _read(path, size, parameters)
         problem = overlap_problem(mesh.coordinates, mesh.cells, mesh.cell_type)
         if problem is not None:
             raise ValueError(problem)
@@ -183,39 +178,15 @@ def main(path: Path, result: Path, size: float | None, parameters: Mapping[str, 
     return 0
 
 
-def _by_gmsh(path: Path, parameters: Mapping[str, float]) -> RawMesh:
-    """Open a file in gmsh, and generate its mesh unless it holds one."""
-    if path.suffix == ".geo" and not path.read_bytes().endswith(b"\n"):
-        raise ValueError(
-            "expected a line feed at the end, gmsh leaves out what stands after the last"
-        )
-    with gmsh_session(parameters) as gmsh:
-        gmsh.open(str(path))
-        if len(gmsh.model.mesh.getElements()[0]) == 0:
-            gmsh.model.mesh.generate(gmsh.model.getDimension())
-        return mesh_of(gmsh.model)
-
-
-def _by_meshio(path: Path) -> RawMesh:
-    """Read a file by meshio; its point and cell sets become groups of nodes."""
-    import meshio
-
-    try:
-        mesh = meshio.read(path)
-    except (Exception, SystemExit) as error:
-        raise ValueError(f"meshio finds no mesh with cells in it ({first_line(error)})") from None
-    blocks = [(block.type, np.asarray(block.data, dtype=np.int64)) for block in mesh.cells]
-    groups: dict[str, Any] = {name: np.asarray(m) for name, m in mesh.point_sets.items()}
-    for name, members in mesh.cell_sets.items():
-        nodes = [
-            cells[np.asarray(chosen, dtype=np.int64)].ravel()
-            for (_, cells), chosen in zip(blocks, members, strict=True)
-            if chosen is not None and len(chosen)
-        ]
-        groups[name] = np.unique(np.concatenate([groups.get(name, np.empty(0, int)), *nodes]))
-    points = np.asarray(mesh.points, dtype=np.float64)
-    numbered = {k: np.asarray(v, dtype=np.int64) for k, v in groups.items()}
-    return raw_mesh(points, blocks, numbered, mesh.cell_sets)
+def _read(path: Path, size: float | None, parameters: Mapping[str, float]) -> RawMesh:
+    """Read a file by what reads files of its name."""
+    if is_surface(path):
+        return mesh_inside(path, size)
+    if size is not None:
+        return mesh_of_cad(path, size)
+    if is_of_gmsh(path):
+        return mesh_by_gmsh(path, parameters)
+    return mesh_of_abaqus(path) if is_of_abaqus(path) else mesh_by_meshio(path)
 
 
 if __name__ == "__main__":

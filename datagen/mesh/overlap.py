@@ -45,7 +45,7 @@ def overlap_problem(coordinates: Array, cells: Ints, cell_type: str) -> str | No
     corners, parent, outer = _simplices(coordinates, cells, cell_type)
     found = [
         np.stack([parent[some], parent[others]], axis=1)[_overlap(corners[some], corners[others])]
-        for some, others in _near(corners, parent, outer)
+        for some, others in near_pairs(corners, parent, outer)
     ]
     pairs = np.concatenate([np.empty((0, 2), dtype=np.int64), *found])
     shared = (cells[pairs[:, 0]][:, :, None] == cells[pairs[:, 1]][:, None]).sum(axis=(1, 2))
@@ -91,8 +91,24 @@ def _boundary(cells: Ints, cell_type: str) -> NDArray[np.bool_]:
     return np.isin(number[len(ordered) :], number[: len(ordered)]).reshape(every.shape[:2])
 
 
-def _near(corners: Array, parent: Ints, outer: NDArray[np.bool_]) -> Iterator[tuple[Ints, Ints]]:
-    """Pairs of simplices of two cells, the first at the boundary, whose bounding boxes overlap."""
+def near_pairs(
+    corners: Array, parent: Ints, outer: NDArray[np.bool_]
+) -> Iterator[tuple[Ints, Ints]]:
+    """Pairs of simplices of two cells, the first at the boundary, whose bounding boxes overlap.
+
+    Parameters
+    ----------
+    corners : array, (n, n_corners, d)
+        In m.
+    parent : array of int, (n,)
+        Cell of each simplex.
+    outer : array of bool, (n,)
+        Simplices at the boundary.
+
+    Yields
+    ------
+    some, others : array of int, (n_pairs,)
+    """
     low, high = corners.min(axis=1), corners.max(axis=1)
     centre, radius = (low + high) / 2, np.linalg.norm(high - low, axis=1) / 2
     queries = np.flatnonzero(outer)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -10,6 +10,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from datagen.mesh.group_names import Blocks, CellSets, Group, by_name, dimension_of, nodes_of_cells
 from shared_schema.common.bodies.cells import CELL_TYPES, NEIGHBOURS
 from shared_schema.common.bodies.conformity import cell_names, conformity_problem, node_problem
 
@@ -30,12 +31,15 @@ class RawMesh:
     cell_type : str
         meshio's name: triangle, quad, tetra or hexahedron.
     groups : mapping of str to array of int
-        Node numbers of every named group.
+        Node numbers of every named group (`datagen.mesh.group_names.by_name`).
     cell_groups : mapping of str to array of int
         Cell numbers of every named group of cells.
     places : array of int, (n_nodes,), optional
-        Place of every node in the file that the mesh is from, from 0, ascending; of a refined mesh
-        those of the nodes that it had before, which come first.
+        Number of every node in the file that the mesh is from, counted from 0, ascending; of a
+        refined mesh those of the nodes that it had before, which come first.
+    counted_from : tuple of int
+        Numbers that the first node of the file can have: 0 and 1 if the file has its nodes in turn,
+        one of them if it numbers them otherwise, none if its numbers are not known.
     origins : array of int, (n_nodes, n_corners), optional
         Of a refined mesh: the nodes that it had before of the edge, face or cell that each node
         lies in; repeated ones fill a row (`datagen.mesh.refinement`).
@@ -47,6 +51,7 @@ class RawMesh:
     groups: Mapping[str, NDArray[np.int64]] = field(default_factory=dict)
     cell_groups: Mapping[str, NDArray[np.int64]] = field(default_factory=dict)
     places: NDArray[np.int64] | None = None
+    counted_from: tuple[int, ...] = (0, 1)
     origins: NDArray[np.int64] | None = None
 
     @property
@@ -70,6 +75,7 @@ def write_raw_mesh(path: Path, mesh: RawMesh) -> None:
         coordinates=mesh.coordinates,
         cells=mesh.cells,
         cell_type=np.array(mesh.cell_type),
+        counted_from=np.array(mesh.counted_from, dtype=np.int64),
         **groups,  # type: ignore[arg-type]
     )
 
@@ -80,8 +86,15 @@ def read_raw_mesh(path: Path) -> RawMesh:
         groups = _named(file, "group:")
         cell_groups = _named(file, "cells:")
         cell_type = str(file["cell_type"])
-        places = file.get("places")
-        return RawMesh(file["coordinates"], file["cells"], cell_type, groups, cell_groups, places)
+        return RawMesh(
+            file["coordinates"],
+            file["cells"],
+            cell_type,
+            groups,
+            cell_groups,
+            file.get("places"),
+            tuple(file["counted_from"].tolist()),
+        )
 
 
 def _named(file: Mapping[str, NDArray[np.int64]], kind: str) -> dict[str, NDArray[np.int64]]:
@@ -91,9 +104,12 @@ def _named(file: Mapping[str, NDArray[np.int64]], kind: str) -> dict[str, NDArra
 
 def raw_mesh(
     points: NDArray[np.float64],
-    blocks: list[tuple[str, NDArray[np.int64]]],
-    groups: Mapping[str, NDArray[np.int64]],
-    cell_sets: Mapping[str, Sequence[NDArray[np.int64] | None]] = MappingProxyType({}),
+    blocks: Blocks,
+    groups: Mapping[Group, NDArray[np.int64]] = MappingProxyType({}),
+    cell_sets: CellSets = MappingProxyType({}),
+    labels: NDArray[np.int64] | None = None,
+    *,
+    is_numbered: bool = True,
 ) -> RawMesh:
     """Make a mesh of the cells of highest dimension, without the nodes that belong to none of them.
 
@@ -103,20 +119,28 @@ def raw_mesh(
         Positions in m.
     blocks : list of (cell type, array of int (n_cells, n_corners))
         Cells of any dimension: meshio's name of their type, and their points in VTK order.
-    groups : mapping of str to array of int
-        Point numbers of every named group.
+    groups : mapping of (dimension, name) to array of int
+        Points of every named group, by their place in `points`.
     cell_sets : mapping of str to sequence of array of int
-        Cells of every named group, for each block in turn; None stands for none.
+        Cells of every named group, for each block in turn; None stands for none. Their points are
+        groups as well.
+    labels : array of int, (n_points,), optional
+        Numbers that the points have in the file; their nodes are in the order of them.
+    is_numbered : bool
+        Without labels: False if the points have numbers in the file that are not known.
 
     Raises
     ------
     ValueError
-        If the cells are not of one linear type, a cell is flat or turned over at a corner or has a
-        `conformity_problem`, a coordinate is not finite, or a mesh of surface cells leaves the
-        plane z = 0.
+        If two points have one number, the cells are not of one linear type, a cell is flat or
+        turned over at a corner or has a `conformity_problem`, a coordinate is not finite, or a mesh
+        of surface cells leaves the plane z = 0.
     """
-    solid = [(name, cells) for name, cells in blocks if len(cells) and not _is_lower(name)]
-    in_space = [(name, cells) for name, cells in solid if DIMENSION.get(name, 3) == 3]
+    groups = {**groups}
+    for group, members in nodes_of_cells(blocks, cell_sets).items():
+        groups[group] = np.union1d(groups.get(group, members), members)
+    solid = [(name, cells) for name, cells in blocks if len(cells) and dimension_of(name) > 1]
+    in_space = [(name, cells) for name, cells in solid if dimension_of(name) == 3]
     kept = in_space or solid
     names = sorted({name for name, _ in kept})
     if len(names) != 1 or names[0] not in CELL_TYPES:
@@ -127,6 +151,13 @@ def raw_mesh(
     used = np.unique(cells)
     if used[0] < 0 or used[-1] >= len(points):
         raise ValueError(str(node_problem(cells, len(points))))
+    if labels is None:
+        places = used
+        counted_from: tuple[int, ...] = (0, 1) if is_numbered else ()
+    else:
+        places, counted_from = _numbering(labels)
+        used = used[np.argsort(places[used])]
+        places = places[used]
     coordinates = np.asarray(points[used], dtype=np.float64)
     if not np.isfinite(coordinates).all():
         raise ValueError("a coordinate is a NaN or an infinity")
@@ -138,9 +169,10 @@ def raw_mesh(
     numbered = {
         group: np.unique(number[members][number[members] >= 0]) for group, members in groups.items()
     }
+    named = by_name({group: members for group, members in numbered.items() if members.size})
     of_cells = _cell_groups(blocks, cell_sets, name)
     positions = np.ascontiguousarray(coordinates[:, :dimension])
-    mesh = RawMesh(positions, number[cells], name, numbered, of_cells, used)
+    mesh = RawMesh(positions, number[cells], name, named, of_cells, places, counted_from)
     _require_regular(mesh)
     problem = conformity_problem(mesh.coordinates, mesh.cells, mesh.cell_type)
     if problem is not None:
@@ -148,11 +180,25 @@ def raw_mesh(
     return mesh
 
 
-def _cell_groups(
-    blocks: list[tuple[str, NDArray[np.int64]]],
-    cell_sets: Mapping[str, Sequence[NDArray[np.int64] | None]],
-    kept: str,
-) -> dict[str, NDArray[np.int64]]:
+def _numbering(labels: NDArray[np.int64]) -> tuple[NDArray[np.int64], tuple[int, ...]]:
+    """Numbers of points counted from 0, and those that the first can have, from their labels."""
+    require_different("node", labels)
+    first = 1 if labels.min() > 0 else 0
+    in_turn = np.array_equal(labels, np.arange(len(labels)) + first)
+    return labels - first, (0, 1) if in_turn else (first,)
+
+
+def require_different(what: str, labels: NDArray[np.int64]) -> None:
+    """Raise ValueError if a node or element of a file has a negative number, or that of another."""
+    numbers, counts = np.unique(labels, return_counts=True)
+    if len(numbers) and numbers[0] < 0:
+        raise ValueError(f"{what} {numbers[0]}: expected a number that is not negative")
+    if (counts > 1).any():
+        number = numbers[counts.argmax()]
+        raise ValueError(f"{what} {number} stands there {counts.max()} times, expected once")
+
+
+def _cell_groups(blocks: Blocks, cell_sets: CellSets, kept: str) -> dict[str, NDArray[np.int64]]:
     """Numbers of the cells of one type in every group that holds some."""
     found = {}
     for group, members in cell_sets.items():
@@ -166,11 +212,6 @@ def _cell_groups(
         if numbers.size:
             found[group] = numbers
     return found
-
-
-def _is_lower(name: str) -> bool:
-    """True for points and lines, which only serve to mark groups."""
-    return name.startswith(("vertex", "line"))
 
 
 def _require_regular(mesh: RawMesh) -> None:

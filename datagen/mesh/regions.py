@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
+from datagen.mesh.group_names import missing_group
 from datagen.mesh.node_list import numbered_nodes, read_node_list, require_different
 from datagen.mesh.refinement import members_of
 from shared_schema.common.configuration import Frozen, absent
@@ -40,12 +41,15 @@ class Region(Frozen):
     Attributes
     ----------
     group : str or None
-        Name of a group of the mesh: a physical group of gmsh, or a node or element set.
+        Name of a group of the mesh: a physical group of gmsh, or a node or element set. If unlike
+        groups have one name, ``curve 1`` or ``volume 1`` is one of them; supports and loads on the
+        surface mean the one that is not of the cells of the body.
     nodes : tuple of int, optional
         Numbers of nodes in the file of the mesh, or the path of a text file of them, relative to
         the case file.
     nodes_from : 0 or 1, optional
-        Number of the first node of the mesh; expected with `nodes`.
+        Number of the first node of the mesh; expected with `nodes`. It is 1 for files that number
+        their nodes from another number on, with gaps or out of order.
     boundary : bool
         Only nodes of the surface: those of facets that belong to one cell.
     x, y, z : float, str or None
@@ -94,6 +98,7 @@ class Region(Frozen):
         facets: NDArray[np.int64] | None = None,
         places: NDArray[np.int64] | None = None,
         origins: NDArray[np.int64] | None = None,
+        counted_from: tuple[int, ...] = (0, 1),
     ) -> NDArray[np.bool_]:
         """Select the nodes of the region.
 
@@ -106,9 +111,12 @@ class Region(Frozen):
         facets : array of int, (n_facets, n_corners), optional
             Node numbers of every facet of the surface; `boundary` and `origins` need them.
         places : array of int, (n_nodes,), optional
-            Place of every node in the file of the mesh, from 0; all nodes in turn by default.
+            Number of every node in the file of the mesh, counted from 0; all nodes in turn by
+            default.
         origins : array of int, (n_nodes, n_corners), optional
             Nodes of the file that each node of a refined mesh comes from.
+        counted_from : tuple of int
+            Numbers that the first node of the file can have.
 
         Returns
         -------
@@ -118,18 +126,29 @@ class Region(Frozen):
         Raises
         ------
         ValueError
-            If the mesh has no such group or node, or `boundary` has no facets to look at.
+            If the mesh has no such group or node, its numbers of nodes are not known or are
+            counted otherwise, or `boundary` has no facets to look at.
         """
         tolerance = RELATIVE_TOLERANCE * float(np.ptp(coordinates, axis=0).max())
         inside = np.ones(len(coordinates), dtype=bool)
         if self.group is not None:
             if self.group not in groups:
-                named = f"no such group, but {', '.join(sorted(groups))}" if groups else "no groups"
-                raise ValueError(f"group '{self.group}': the mesh has {named}")
+                raise ValueError(missing_group(self.group, groups))
             inside[:] = False
             inside[groups[self.group]] = True
         if self.nodes is not None:
             assert self.nodes_from is not None
+            if not counted_from:
+                raise ValueError(
+                    "nodes: the numbers of nodes in a file of this format are not read, expected a "
+                    "group or conditions on coordinates"
+                )
+            if self.nodes_from not in counted_from:
+                raise ValueError(
+                    f"nodes_from = {self.nodes_from}: the file of the mesh numbers its nodes with "
+                    f"gaps or out of order, expected {counted_from[0]}, and numbers as they stand "
+                    "there"
+                )
             places = np.arange(len(coordinates)) if places is None else places
             listed = np.zeros(len(places), dtype=bool)
             listed[numbered_nodes(self.nodes, self.nodes_from, places)] = True

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from shared_schema.common.bodies.meshio_reader import read_by_meshio
 from shared_schema.common.errors import InputError
 from shared_schema.point_tree import PointTree
 from shared_schema.tools.tool import MOST, Tool, require_points
@@ -201,14 +202,13 @@ class Surface:
     @classmethod
     def read(cls, path: Path, scale: float) -> Surface:
         """Read a file; InputError if it holds no closed surface of triangles."""
-        import meshio
-
         try:
-            with np.errstate(over="ignore"):  # meshio's test of what a text file cannot be
-                mesh = meshio.read(path)
-        except (Exception, SystemExit) as error:
+            mesh = read_by_meshio(path)
+        except ValueError as error:
             raise InputError(f"{path}: no surface that meshio reads ({error})") from None
         triangles = mesh.cells_dict.get("triangle", np.empty((0, 3), np.int64))
+        if not len(triangles):
+            raise InputError(f"{path}: expected triangles, found none")
         points = np.asarray(mesh.points, np.float64) * scale
         if points.shape[1] != 3 or not np.isfinite(points).all() or np.abs(points).max() > MOST:
             raise InputError(f"{path}: expected points of 3 finite coordinates, at most {MOST:g} m")

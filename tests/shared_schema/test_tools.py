@@ -109,3 +109,21 @@ def test_meshes_that_are_named_are_no_files(tmp_path: Path, cube: Mesh) -> None:
             parse_tool(f"mesh:{name}", 3, {"cube": cube})
         expected = "expected mesh:NAME[:X,Y,Z[:RX,RY,RZ]], the meshes are cube"
         assert str(caught.value) == f"--tool mesh:{name}: {expected}"
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"", r"empty\.stl: "),
+        (b"solid nothing\nendsolid nothing\n", r"empty\.stl: expected triangles, found none"),
+        (bytes(84), r"empty\.stl: expected triangles, found none"),
+    ],
+)
+def test_files_without_triangles(content: bytes, said: str, tmp_path: Path) -> None:
+    """No byte, a text without facets, and a binary file whose count is zero."""
+    path = tmp_path / "empty.stl"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=said):
+        Mesh(path)
+    with pytest.raises(InputError, match=r"--tool mesh:.*empty"):
+        parse_tool(f"mesh:{path}", 3)

@@ -197,7 +197,7 @@ def unit_square(**changes: Any) -> tuple[Any, Any, Any]:
 
 
 def test_nodes_without_cells_are_left_out() -> None:
-    mesh = raw_mesh(*unit_square(groups={"all": np.array([4, 2, 0])}))
+    mesh = raw_mesh(*unit_square(groups={(0, "all"): np.array([4, 2, 0])}))
     assert len(mesh.coordinates) == 4
     assert mesh.groups["all"].tolist() == [0, 2]
 

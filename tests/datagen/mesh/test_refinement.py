@@ -79,7 +79,8 @@ def test_groups_hold_the_middles_of_their_edges_and_parts_of_their_cells() -> No
     """Two triangles: a side is a group with its middle; the diagonal is inside and no side."""
     points = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)
     cells = np.array([[0, 1, 2], [0, 2, 3]])
-    groups = {"low": np.array([0, 1]), "ends": np.array([0, 2]), "all": np.arange(4)}
+    members = {"low": np.array([0, 1]), "ends": np.array([0, 2]), "all": np.arange(4)}
+    groups = {(0, name): nodes for name, nodes in members.items()}
     mesh = raw_mesh(points, [("triangle", cells)], groups, {"right": [np.array([0])]})
     fine = refined(mesh)
     found = {name: sorted(map(tuple, fine.coordinates[m])) for name, m in fine.groups.items()}

@@ -46,6 +46,65 @@ def case_of(folder: Path, mesh: dict[str, Any]) -> Path:
     return path
 
 
+def iges(path: Path, faces: list[list[list[float]]], unit: str) -> None:
+    """Write plane faces as B-spline surfaces (entities 128), four corners each, row by row."""
+    of_unit = {"mm": "2,2HMM", "inch": "1,4HINCH"}[unit]
+    head = f"1H,,1H;,1Hp,1Hf,1Hs,1Hv,32,38,6,308,15,1Hp,1.,{of_unit},1,0.01,"
+    head += "15H20200101.000000,1.E-06,1000.,1Ha,1Ho,11,0,15H20200101.000000;"
+    lines = [head[i : i + 72] for i in range(0, len(head), 72)]
+    text = f"{'faces':72}S{1:7}\n"
+    text += "".join(f"{line:72}G{n:7}\n" for n, line in enumerate(lines, 1))
+    directory, parameters, count = "", "", 0
+    for number, corners in enumerate(faces):
+        entry = 2 * number + 1
+        knots = ["0.", "0.", "1.", "1."] * 2 + ["1."] * 4
+        values = [*map(str, [128, 1, 1, 1, 1, 0, 0, 1, 0, 0]), *knots]
+        values += [f"{x:.4f}" for corner in corners for x in corner] + ["0.", "1.", "0.", "1."]
+        rows = [",".join(values[i : i + 8]) for i in range(0, len(values), 8)]
+        ended = [row + "," for row in rows[:-1]] + [rows[-1] + ";"]
+        zeros = f"{0:8}" * 6
+        directory += f"{128:8}{count + 1:8}{zeros}{'00000000':8}D{entry:7}\n"
+        directory += f"{128:8}{0:8}{0:8}{len(rows):8}{0:8}{'':24}{0:8}D{entry + 1:7}\n"
+        for row in ended:
+            count += 1
+            parameters += f"{row:64}{entry:8}P{count:7}\n"
+    text += directory + parameters
+    path.write_text(f"{text}S{1:7}G{len(lines):7}D{2 * len(faces):7}P{count:7}{'':40}T{1:7}\n")
+
+
+def block_faces(lengths: tuple[float, float, float]) -> list[list[list[float]]]:
+    """Six faces of a box with a corner at the origin."""
+    faces = []
+    for axis in range(3):
+        one, two = (k for k in range(3) if k != axis)
+        for side in (0.0, lengths[axis]):
+            corners = np.zeros((4, 3))
+            corners[:, axis] = side
+            corners[[1, 3], one], corners[[2, 3], two] = lengths[one], lengths[two]
+            faces.append(corners.tolist())
+    return faces
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "metres"), [("own.iges", "mm", 1e-3), ("own.IGS", "inch", 0.0254)]
+)
+def test_iges(name: str, unit: str, metres: float, tmp_path: Path) -> None:
+    """Six faces of 4 × 1 × 1 units are sewn to a body; one in the plane z = 0 is a plate."""
+    iges(tmp_path / name, block_faces((4, 1, 1)), unit)
+    geometry = MeshFile(kind="file", path=name, size=0.6 * metres).found_from(tmp_path)
+    mesh = geometry.raw_mesh()
+    assert mesh.cell_type == "tetra"
+    assert volume(mesh) == pytest.approx(4 * metres**3, rel=1e-6)
+    assert mesh.coordinates.max(axis=0) == pytest.approx(np.array([4, 1, 1]) * metres)
+    iges(tmp_path / name, block_faces((4, 1, 1))[4:5], unit)
+    plate = geometry.model_copy(update={"sha256": None}).found_from(tmp_path).raw_mesh()
+    assert plate.cell_type == "triangle"
+    assert volume(plate) == pytest.approx(4 * metres**2, rel=1e-6)
+    iges(tmp_path / name, block_faces((4, 1, 1))[:5], unit)
+    with pytest.raises(InputError, match="5 faces that bound no body, expected closed ones"):
+        geometry.model_copy(update={"sha256": None}).found_from(tmp_path).raw_mesh()
+
+
 @pytest.mark.parametrize("suffix", ["step", "STP", "brep"])
 def test_two_blocks_and_a_hole(suffix: str, tmp_path: Path) -> None:
     """50 × 10 × 10 mm less a hole of 3 mm: 5000 − 90 π = 4717 mm³; BREP has no unit.

@@ -12,6 +12,7 @@ from datagen.mesh.mesh_file import MeshFile
 from datagen.mesh.raw_mesh import RawMesh
 from shared_schema.common.bodies.cells import outward_facets
 from shared_schema.common.errors import InputError
+from tests.closed_surfaces import CUBE, FACES
 from tests.datagen.mesh.test_mesh_file import volume
 
 
@@ -71,3 +72,54 @@ def test_a_surface_with_a_hole(surface: np.ndarray, tmp_path: Path) -> None:
     (tmp_path / "open.stl").write_text("solid nothing\nendsolid nothing\n")
     with pytest.raises(InputError, match=r"key 'mesh\.path' = 'open\.stl'"):
         MeshFile(kind="file", path="open.stl").found_from(tmp_path).raw_mesh()
+
+
+def block(lower: tuple[float, ...], upper: tuple[float, ...], turned: bool = False) -> np.ndarray:
+    """Triangles of a box, seen from outside, or from inside if turned."""
+    corners = CUBE * (np.array(upper) - lower) + lower
+    return corners[FACES[:, ::-1] if turned else FACES]
+
+
+def inside(folder: Path, corners: list[np.ndarray], size: float | None = None) -> RawMesh:
+    write_stl(folder / "own.stl", np.concatenate(corners))
+    return MeshFile(kind="file", path="own.stl", size=size).found_from(folder).raw_mesh()
+
+
+@pytest.mark.parametrize("size", [None, 0.7])
+def test_a_closed_room_stays_empty(size: float | None, tmp_path: Path) -> None:
+    """6 × 3 × 3 less 4 × 1 × 1 are 50 m³; in a larger room a block of 0.5 × 0.5 × 0.5 is a body.
+
+    New triangles of 0.7 m cut the edges, by 2 % of the volume.
+    """
+    body = [block((0, 0, 0), (6, 3, 3)), block((1, 1, 1), (5, 2, 2), turned=True)]
+    error = 1e-9 if size is None else 0.02
+    assert volume(inside(tmp_path, body, size)) == pytest.approx(50, rel=error)
+    island = block((2, 1.25, 1.25), (2.5, 1.75, 1.75))
+    assert volume(inside(tmp_path, [*body, island], size)) == pytest.approx(50.125, rel=error)
+
+
+@pytest.mark.parametrize("size", [None, 0.5])
+def test_two_bodies_in_one_file(size: float | None, tmp_path: Path) -> None:
+    """In one section or in two of a file; 2 m³ together, less what new triangles cut."""
+    boxes = [block((0, 0, 0), (1, 1, 1)), block((2, 0, 0), (3, 1, 1))]
+    one = inside(tmp_path, boxes, size)
+    assert volume(one) == pytest.approx(2, rel=1e-9 if size is None else 0.05)
+    texts = [write_stl(tmp_path / "part.stl", box).read_text() for box in boxes]
+    (tmp_path / "own.stl").write_text("".join(texts))
+    two = MeshFile(kind="file", path="own.stl", size=size).found_from(tmp_path).raw_mesh()
+    np.testing.assert_array_equal(two.cells, one.cells)
+
+
+@pytest.mark.parametrize(
+    ("second", "said"),
+    [
+        (block((0.8, 0.2, 0.2), (1.7, 0.9, 0.7)), "the surface cuts itself at 1,0.[2-9]"),
+        (block((0.5, 0.5, 0), (1.5, 1.5, 1)), "the surface cuts itself at "),
+        (block((0.3, 0.3, 0.3), (0.6, 0.6, 0.6)), "at 0.3,0.3,0.3 lies in another one and is seen"),
+        (block((1, 0, 0), (2, 1, 1)), "not closed: 5 of its 31 edges have another .* at 1,"),
+    ],
+)
+def test_bodies_that_are_not_apart(second: np.ndarray, said: str, tmp_path: Path) -> None:
+    """Pierced, flush with each other, one in the other without a room, and side to side."""
+    with pytest.raises(InputError, match=f"key 'mesh.path' = 'own.stl': .*{said}"):
+        inside(tmp_path, [block((0, 0, 0), (1, 1, 1)), second])

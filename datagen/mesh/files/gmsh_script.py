@@ -36,7 +36,7 @@ def require_harmless(path: Path) -> None:
         A ``.geo`` or ``.msh`` file.
     """
     content = path.read_bytes()
-    if path.suffix != ".geo":
+    if path.suffix.lower() != ".geo":
         if not content.startswith(MESH):
             raise ValueError("expected a mesh, which begins with '$MeshFormat'")
         return

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from datagen.cases.case import SHIPPED, read_case
-from datagen.mesh.gmsh_script import require_harmless
+from datagen.mesh.files.gmsh_script import require_harmless
 from datagen.mesh.mesh_file import MeshFile
 from shared_schema.common.errors import InputError
 from tests.datagen.mesh.test_mesh_file import SQUARE, write_case
