@@ -9,6 +9,7 @@ Lengths are in m; in the plane a sphere is a disc.
 `displaced`       any tool, elsewhere
 `given_tool`      tools as commands take them
 `contact`         what a tool does to a body
+`meshio_reader`   files that meshio reads
 ================  ===========================================================
 """
 

@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from shared_schema.common.bodies.meshio_reader import read_by_meshio
 from shared_schema.common.errors import InputError
 from shared_schema.point_tree import PointTree
+from shared_schema.tools.meshio_reader import read_by_meshio
 from shared_schema.tools.tool import MOST, Tool, require_points
 
 Array = NDArray[np.float64]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from datagen.mesh.group_names import Group
 from datagen.mesh.raw_mesh import RawMesh, raw_mesh
-from shared_schema.common.bodies.meshio_reader import read_by_meshio
+from shared_schema.tools.meshio_reader import read_by_meshio
 
 NASTRAN = (".bdf", ".fem", ".nas")
 NUMBERED = (  # formats that number their nodes, which meshio does not tell
