@@ -59,6 +59,40 @@ def test_same_displacements(
 
 @pytest.mark.mpi
 @pytest.mark.slow
+@pytest.mark.parametrize(("element", "simplices"), [("quadratic", False), ("incompressible", True)])
+def test_distributed_loads_on_points_between(tmp_path: Path, element: str, simplices: bool) -> None:
+    """A pressure that follows and a body force: displacements, and forces between the nodes."""
+    raw = box((4.0, 1.0), (6, 2), simplices)
+    meshio.write_points_cells(tmp_path / "beam.vtu", raw.coordinates, {raw.cell_type: raw.cells})
+    content: dict[str, Any] = {
+        "name": "beam",
+        "mesh": {"kind": "file", "path": "beam.vtu"},
+        "material": {"young_modulus": 500, "poisson_ratio": 0.45},
+        "element": element,
+        "supports": [{"x": 0}],
+        "load": [
+            {"family": "pressure", "region": {"y": 1}, "range": [1, 2]},
+            {"family": "body_force", "range": [-1, 1]},
+        ],
+        "solver": {"relative_tolerance": 1e-12, "linear_solver": "lu"},
+        "dataset": {"samples": 2, "seed": 1, "test_fraction": 0.5},
+    }
+    case = tmp_path / "case.yaml"
+    case.write_text(yaml.safe_dump(content))
+    found = []
+    for ranks in (1, 2):
+        out = tmp_path / str(ranks)
+        result = execute(ranks, case, out, "--ranks-per-solve", str(ranks))
+        assert result.returncode == 0, result.stderr
+        found.append(read_shard(out / "shard-00000.h5", "nodal"))
+    for name in ("samples/displacement", "samples/force", "samples/force_between"):
+        one, two = (arrays[name] for arrays in found)
+        assert np.abs(one - two).max() < 1e-9 * np.abs(one).max(), name
+    assert np.abs(found[0]["samples/displacement"]).max() > 0.05
+
+
+@pytest.mark.mpi
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "words",
     [
