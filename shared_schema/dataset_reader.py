@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.checker import require_intact
+from shared_schema.common.arguments.read_only import read_only
 from shared_schema.common.bodies.conformity import conformity_problem
 from shared_schema.common.errors import InputError
 from shared_schema.layout import Arrays, Kind
@@ -106,18 +107,23 @@ class DatasetReader:
         path = self.folder / self.manifest.shards[0].file
         return str(read_attributes(path, self.manifest.kind)["cell_type"])
 
-    @cached_property
+    @property
     def body(self) -> Arrays:
-        """The arrays that every shard repeats: those below ``mesh/`` and ``grid/``.
+        """The arrays that every shard repeats: those below ``mesh/`` and ``grid/``; read-only.
 
         Raises
         ------
         InputError
             If the cells have a `conformity_problem`.
         """
+        return dict(self._body)
+
+    @cached_property
+    def _body(self) -> Arrays:
+        """The arrays of `body`, which is a new mapping each time."""
         entry = self.manifest.shards[0]
         arrays = {
-            name: values
+            name: read_only(values)
             for name, values in self.shard(entry).items()
             if name.startswith(("mesh/", "grid/"))
         }

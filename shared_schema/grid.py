@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from shared_schema.common.arguments.read_only import hold_read_only
 from shared_schema.layout import NO_NODE, Arrays
 
 IN_A_ROW = "nodes"  # the name of such a grid, where a grid is chosen
@@ -31,6 +32,8 @@ IN_A_ROW = "nodes"  # the name of such a grid, where a grid is chosen
 @dataclass(frozen=True)
 class Grid:
     """The operators A and B row by row: the columns that are not zero, and the weights there.
+
+    Its arrays are read-only.
 
     Attributes
     ----------
@@ -48,6 +51,9 @@ class Grid:
     source_weights: NDArray[np.float64]
     points: NDArray[np.int64]
     point_weights: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        hold_read_only(self)
 
     @classmethod
     def of_nodes(cls, node_at: NDArray[np.int64]) -> Grid:

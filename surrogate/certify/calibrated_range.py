@@ -29,6 +29,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from shared_schema.common.arguments.read_only import hold_read_only
 from shared_schema.common.keys.units import SI, Units
 
 LEAST_STIFFNESS = 0.05
@@ -40,7 +41,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class CalibratedRange:
-    """Extremes of the held-out samples.
+    """Extremes of the held-out samples. Its arrays are read-only.
 
     Attributes
     ----------
@@ -68,6 +69,9 @@ class CalibratedRange:
     fewest: int
     most: int
     pressure: Array = field(default_factory=lambda: np.zeros((2, 0)))
+
+    def __post_init__(self) -> None:
+        hold_read_only(self)
 
     @classmethod
     def of(

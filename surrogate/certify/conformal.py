@@ -38,6 +38,7 @@ import numpy as np
 import torch
 from numpy.typing import ArrayLike, NDArray
 
+from shared_schema.common.arguments.read_only import hold_read_only
 from shared_schema.common.errors import InputError, first_line
 from surrogate.data.free_components import at_free, by_component
 from surrogate.probabilistic.calibration import require_positive
@@ -76,7 +77,7 @@ def conformal_quantile(scores: Array, level: float) -> Array:
 
 @dataclass(frozen=True)
 class ConformalCalibration:
-    """Factors on σ that make intervals cover new samples.
+    """Factors on σ that make intervals cover new samples. Its array is read-only.
 
     Attributes
     ----------
@@ -90,6 +91,9 @@ class ConformalCalibration:
     level: float
     kind: Kind
     factor: Array
+
+    def __post_init__(self) -> None:
+        hold_read_only(self)
 
     @classmethod
     def fit(
@@ -193,7 +197,7 @@ class Intervals:
     def serialised(self) -> bytes:
         """Content of a file of the intervals, which `read` reads."""
         factors = {str(kind): fitted.factor for kind, fitted in self.calibrations.items()}
-        tensors = {kind: torch.from_numpy(factor) for kind, factor in factors.items()}
+        tensors = {kind: torch.tensor(factor) for kind, factor in factors.items()}
         return serialised(tensors, {"level": repr(self.level), "samples": str(self.samples)})
 
     @classmethod

@@ -40,6 +40,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from shared_schema.common.arguments.read_only import hold_read_only
 from shared_schema.common.errors import InputError
 from shared_schema.common.keys.units import SI, Units
 from surrogate.certify.calibrated_range import LEAST_STIFFNESS, CalibratedRange
@@ -128,7 +129,7 @@ class Bounds:
 
 @dataclass(frozen=True)
 class FastCertificate:
-    """Calibrated bounds of errors.
+    """Calibrated bounds of errors. Its arrays are read-only.
 
     Attributes
     ----------
@@ -144,6 +145,9 @@ class FastCertificate:
     estimate: FastEstimate
     ratios: dict[str, Array]
     calibrated: CalibratedRange | None = None
+
+    def __post_init__(self) -> None:
+        hold_read_only(self)
 
     @classmethod
     def fit(
@@ -350,7 +354,7 @@ class FastCertificate:
         values = {name: np.sort(ratios) for name, ratios in self.ratios.items()}
         if self.calibrated is not None:
             values |= {RANGE + name: value for name, value in self.calibrated.arrays().items()}
-        return serialised({name: torch.from_numpy(v) for name, v in values.items()}, ESTIMATE)
+        return serialised({name: torch.tensor(v) for name, v in values.items()}, ESTIMATE)
 
 
 def sizes(error: Array) -> dict[str, Array]:

@@ -11,6 +11,7 @@ import torch
 from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
+from shared_schema.common.arguments.read_only import hold_read_only, read_only
 from shared_schema.common.bodies.cells import boundary_facets, outward_facets
 from shared_schema.common.bodies.command_loads import LoadedBody
 from shared_schema.common.bodies.groups import groups_of
@@ -27,7 +28,7 @@ SURFACE = "surface"  # in place of the name of a group
 
 @dataclass(frozen=True)
 class Geometry:
-    """Mesh, supports and grid of a case.
+    """Mesh, supports and grid of a case. Its arrays are read-only.
 
     Attributes
     ----------
@@ -78,6 +79,9 @@ class Geometry:
     has_points_between: bool = False
     pressed_by_corners: bool = False
     units: Units = SI
+
+    def __post_init__(self) -> None:
+        hold_read_only(self)
 
     @classmethod
     def from_arrays(cls, arrays: Arrays, cell_type: str) -> Geometry:
@@ -132,7 +136,7 @@ class Geometry:
             if (values := getattr(self, name)) is not None:
                 others[name] = values
         return {
-            PREFIX + name: torch.from_numpy(np.ascontiguousarray(array))
+            PREFIX + name: torch.tensor(array)
             for name, array in (*self.arrays().items(), *others.items())
         }
 
@@ -180,8 +184,8 @@ class Geometry:
         Between nodes, those that are held at all of them.
         """
         if not self.has_points_between:
-            return self.free
-        return ~self.points_between.held(self.held)
+            return read_only(self.free)
+        return read_only(~self.points_between.held(self.held))
 
     @property
     def loaded_points(self) -> PointsBetween | None:
@@ -201,12 +205,12 @@ class Geometry:
     @cached_property
     def surface_nodes(self) -> NDArray[np.int64]:
         """Numbers of the nodes of facets that belong to one cell."""
-        return np.unique(boundary_facets(self.cells, self.cell_type))
+        return read_only(np.unique(boundary_facets(self.cells, self.cell_type)))
 
     @cached_property
     def surface_facets(self) -> NDArray[np.int64]:
         """Facets that belong to one cell, (n_facets, n_corners), seen from outside."""
-        return outward_facets(self.coordinates, self.cells, self.cell_type)
+        return read_only(outward_facets(self.coordinates, self.cells, self.cell_type))
 
     def nodes_of(self, nodes: str | ArrayLike) -> NDArray[np.int64]:
         """Numbers of the nodes of the surface ("surface"), of a named group, or those given.

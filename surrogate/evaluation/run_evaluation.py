@@ -249,7 +249,7 @@ def evaluate(
     surrogate = load(folder.folder, target)
     data = dataset if isinstance(dataset, Dataset) else read_dataset(dataset, on_disk=True)
     require_tested(folder, surrogate, data)
-    force, reference = data.nodal_test.force, data.nodal_test.displacement
+    force, reference = data.nodal_test.force.copy(), data.nodal_test.displacement.copy()
     tip, free = surrogate.geometry.tip, surrogate.geometry.free
     intervals, fast, others, calibration = None, None, None, None
     if conformal is not None:

@@ -206,7 +206,7 @@ class Solution:
         return None if self.tolerance is None else "certified"
 
     def fields(self) -> dict[str, Array]:
-        """Fields at the nodes by their names in a solution file, (n_nodes, d) each."""
+        """Copies of the fields at the nodes by their names in a solution file, (n_nodes, d)."""
         found = {"force": self.force}
         for name in FIELDS:
             values = getattr(self, name)
@@ -214,7 +214,7 @@ class Solution:
                 found[name] = values
             if name == "displacement" and not np.array_equal(values, self.predicted):
                 found["predicted"] = self.predicted
-        return found
+        return {name: values.copy() for name, values in found.items()}
 
     @checked_arguments
     def save(self, path: str | Path) -> None:

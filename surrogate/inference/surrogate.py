@@ -205,7 +205,7 @@ class Surrogate(TrainedNetwork):
             case=self.description.run.case,
             force=force,
             force_between=given.at_rest_between,
-            displacement=displacement,
+            displacement=displacement.copy(),
             predicted=network.mean,
             distribution=network if self.is_probabilistic and is_own else None,
             interval=interval if is_own else None,

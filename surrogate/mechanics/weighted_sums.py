@@ -37,7 +37,7 @@ class WeightedSums(nn.Module):
         dtype: torch.dtype = torch.float32,
     ) -> None:
         super().__init__()
-        values = torch.from_numpy(weights.T).to(dtype)
+        values = torch.from_numpy(np.array(weights.T)).to(dtype)
         self.register_buffer("sources", torch.from_numpy(sources.T.flatten()), persistent=False)
         self.register_buffer("weights", values, persistent=False)
         places = np.repeat(np.arange(len(sources)), sources.shape[1])

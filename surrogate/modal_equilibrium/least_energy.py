@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,9 +50,6 @@ class ModalEquilibrium:
         parts: NDArray[np.int64] | None = None,
         leading: int = LEADING,
     ) -> None:
-        from surrogate.modal_equilibrium import compiled_energy  # Numba: half a second
-
-        self.functions = compiled_energy
         corners = modes[:, cells[cubature.cells]]
         shapes = gradients[cubature.cells, cubature.points]
         slopes = np.einsum("mqai,qaj->qijm", corners, shapes)
@@ -59,22 +57,29 @@ class ModalEquilibrium:
         factors = np.array([Factors.of(material) for material in materials])
         of_points = np.ascontiguousarray(factors[of_cell[cubature.cells]].T)
         of_points *= cubature.weights
-        self.points = compiled_energy.points_of(slopes, of_points, 0)
+        self.points = self._compiled.points_of(slopes, of_points, 0)
         self.stiffness = self.tangent(np.zeros(len(modes)))
         self._factor = np.linalg.cholesky(self.stiffness)
         self._basis = np.ascontiguousarray(np.linalg.inv(self._factor).T)
         k = min(leading, len(modes))
-        self._in_basis = compiled_energy.points_of(slopes @ self._basis, of_points, k)
+        self._in_basis = self._compiled.points_of(slopes @ self._basis, of_points, k)
         self._compliance = self._basis @ self._basis.T
+
+    @property
+    def _compiled(self) -> ModuleType:
+        """The loops; no attribute, since a module has no place in a pickle."""
+        from surrogate.modal_equilibrium import compiled_energy  # Numba: half a second
+
+        return compiled_energy
 
     def tangent(self, a: Array) -> Array:
         """Π''(a) in J: (m,) → (m, m)."""
-        found: Array = self.functions.stiffness_of(self.points, a, self.points.slopes)
+        found: Array = self._compiled.stiffness_of(self.points, a, self.points.slopes)
         return (found + found.T) / 2
 
     def forces_of_points(self, a: Array) -> Array:
         """Internal forces in modes of every point, in J: (m,) → (m, n_points)."""
-        found: Array = self.functions.forces_of_points(self.points, a)
+        found: Array = self._compiled.forces_of_points(self.points, a)
         return found
 
     def linear(self, force: Array) -> Array:
@@ -93,6 +98,6 @@ class ModalEquilibrium:
         """
         of_basis = force @ self._basis  # that of the linear response, too
         start = of_basis + correction @ self._factor
-        found = self.functions.least_energy(self._in_basis, of_basis, start, TOLERANCE, EVALUATIONS)
+        found = self._compiled.least_energy(self._in_basis, of_basis, start, TOLERANCE, EVALUATIONS)
         change: Array = self._basis @ (found - of_basis)
         return change

@@ -31,18 +31,18 @@ class Distribution:
         return np.hypot(self.std_epistemic, self.std_aleatoric)
 
     def reshaped(self, shape: tuple[int, ...]) -> Distribution:
-        """Return the same distribution with arrays of another shape."""
+        """Return a copy of the distribution with arrays of another shape."""
         return Distribution(
-            self.mean.reshape(shape),
-            self.std_epistemic.reshape(shape),
-            self.std_aleatoric.reshape(shape),
+            self.mean.reshape(shape).copy(),
+            self.std_epistemic.reshape(shape).copy(),
+            self.std_aleatoric.reshape(shape).copy(),
         )
 
     def fields(self) -> dict[str, Array]:
-        """Return the arrays by their names in solution files."""
+        """Return copies of the arrays by their names in solution files."""
         return {
-            "displacement": self.mean,
+            "displacement": self.mean.copy(),
             "std": self.std,
-            "std_epistemic": self.std_epistemic,
-            "std_aleatoric": self.std_aleatoric,
+            "std_epistemic": self.std_epistemic.copy(),
+            "std_aleatoric": self.std_aleatoric.copy(),
         }

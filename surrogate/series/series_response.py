@@ -76,7 +76,7 @@ class CellOperators(nn.Module):
     ) -> None:
         super().__init__()
         self.material = material
-        cells = torch.from_numpy(geometry.cells)
+        cells = torch.tensor(geometry.cells)
         self.register_buffer("cells", cells, persistent=False)
         count, points, corners, d = gradients.shape
         slopes = gradients.permute(0, 2, 1, 3).reshape(count, corners, points * d)

@@ -37,7 +37,7 @@ from numpy.typing import NDArray
 
 from surrogate.descent.descent import longest
 from surrogate.descent.first_direction import first_direction
-from surrogate.touch.body import Body
+from surrogate.touch.body import Body, Predict
 from surrogate.touch.force_search import part_of
 
 Array = NDArray[np.float64]
@@ -87,9 +87,13 @@ class DefectCorrection:
         self._step, self._way, self._effect = zero, 0.0, 0.0
         self.error, self._looked_at = 0.0, zero
 
-    def corrected(self, predicted: Array, force: Array) -> Array:
-        """Return a prediction with the shift, in m; a body without forces is at rest."""
-        return predicted + self.shift_under(force) if force.any() else predicted
+    def predicted(self, shows: Predict, force: Array) -> Array:
+        """Return a prediction with the shift, in m; a body without forces is at rest.
+
+        The array is a new one, since `shows` may keep its own, as it may do with the forces.
+        """
+        shift = self.shift_under(force) if force.any() else np.zeros_like(self.shift)
+        return np.asarray(shows(force)) + shift
 
     def shift_under(self, force: Array) -> Array:
         """Return δ in m, (n_nodes, d), under a load in N."""

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shared_schema.common.arguments.checked_arguments import checked_arguments, require_type
+from shared_schema.common.arguments.read_only import read_only
 from shared_schema.common.arguments.real_numbers import real_numbers
 from shared_schema.common.bodies.command_loads import CommandLoads
 from shared_schema.common.errors import InputError, WorkError
@@ -137,7 +138,8 @@ class Grip:
             components.append(together.moved & ~before)
             moved = np.where(components[-1], together.displacement, 0.0)
             displacements.append(moved[np.abs(moved).argmax(axis=0), np.arange(moved.shape[1])])
-        self.components, self.displacements = np.array(components), np.array(displacements)
+        self.components = read_only(np.array(components))
+        self.displacements = read_only(np.array(displacements))
         self.notes = tuple(together.notes)
         self._model, self._dofs = model, np.flatnonzero(together.moved)
         self.tolerance = tolerance
@@ -189,8 +191,7 @@ class Grip:
             grips = held.reshape(wanted.shape)
             if shown is None or not shown.is_of(grips, acting, predict):
                 count += 1
-                total = together_with(acting, grips)
-                field = self._defect.corrected(np.asarray(shows(total)), total)
+                field = self._defect.predicted(shows, together_with(acting, grips))
                 shown = Shown(field, grips, acting, predict)
             return shown.field.ravel()[self._dofs]
 
@@ -234,7 +235,7 @@ class Grip:
         """
         wanted, acting = self._given(displacements, load)
         found, force = self._newton.find(wanted, acting, self._field)
-        self._field, self._shown = found.displacement, None
+        self._field, self._shown = found.displacement.copy(), None
         return self._frame(found.displacement, force, 0, found)
 
     @cached_property
@@ -266,7 +267,7 @@ class Grip:
         correction: Correction | None = None,
     ) -> GripFrame:
         reactions = np.einsum("nd,pnd->pd", force, self.components)
-        return GripFrame(field, force, reactions, predictions, correction)
+        return GripFrame(field.copy(), force.copy(), reactions, predictions, correction)
 
 
 def stiffness_at_rest(model: Body, held: NDArray[np.bool_]) -> Array:

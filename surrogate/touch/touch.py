@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.common.arguments.checked_arguments import checked_arguments
+from shared_schema.common.arguments.read_only import read_only
 from shared_schema.common.errors import WorkError
 from shared_schema.tools import Contact, Tool, require_outside
 from surrogate.certify.correction import Correction
@@ -105,7 +106,7 @@ class Touch:
         model.require_nodes_alone("tools", BY_FACTORY)
         geometry, self.tolerance = model.geometry, tolerance
         on_surface = np.asarray(geometry.surface_nodes, np.int64)
-        self.surface: Numbers = on_surface[geometry.free[on_surface].any(axis=1)]
+        self.surface: Numbers = read_only(on_surface[geometry.free[on_surface].any(axis=1)])
         self._model, self._geometry = model, geometry
         self._at_rest = geometry.coordinates[self.surface]
         self._inside = INSIDE * float(np.ptp(geometry.coordinates, axis=0).max())
@@ -154,8 +155,7 @@ class Touch:
             self._defect.forget()
 
         def predicted(force: Array) -> Array:
-            total = self._all_forces(acting, force)
-            return self._defect.corrected(np.asarray(shows(total)), total)
+            return self._defect.predicted(shows, self._all_forces(acting, force))
 
         if self._holds:
             search = Search(self._body, self._at_rest, self.surface, predicted)
@@ -208,7 +208,7 @@ class Touch:
             self.let_go()
             found, force = self._newton.find(tool, acting, self._field, self._force)
         self._shown_by = self._newton
-        return self._frame(tool, acting, found.displacement, force, 0, found)
+        return self._frame(tool, acting, found.displacement.copy(), force, 0, found)
 
     def _all_forces(self, acting: Array, on_surface: Array) -> Array:
         """Those of a tool and the load beside it in N; supports bear the others."""
@@ -250,7 +250,7 @@ class Touch:
                 "comes from outside of the body"
             )
         return TouchFrame(
-            displacement=field,
+            displacement=field.copy(),
             force=force,
             penetration=depth,
             apart=float(np.abs(gap[force.any(axis=1)]).max(initial=0.0)),

@@ -11,7 +11,10 @@ from shared_schema.common.errors import InputError, first_line
 
 
 def real_numbers(value: Any, name: str) -> NDArray[np.float64]:
-    """Return real numbers in double precision: an array, a tensor, or nested sequences.
+    """Return real numbers in double precision, of an array, a tensor, or nested sequences.
+
+    The array is a new one: what is done with it does not change the caller's numbers, nor does the
+    caller change it later.
 
     Raises
     ------
@@ -32,4 +35,4 @@ def real_numbers(value: Any, name: str) -> NDArray[np.float64]:
     if found.dtype.kind not in "biuf":
         kind = "complex" if found.dtype.kind == "c" else f"of type {found.dtype}"
         raise InputError(f"{name} are {kind}, expected real numbers")
-    return found.astype(np.float64, copy=False)
+    return np.array(found, np.float64)

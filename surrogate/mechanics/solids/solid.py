@@ -87,7 +87,7 @@ class Solid(nn.Module):
             self._members = [np.flatnonzero(parts == i) for i in range(len(self.materials))]
             order = torch.from_numpy(np.argsort(np.concatenate(self._members)))
             self.register_buffer("_order", order, persistent=False)
-        self.register_buffer("cells", torch.from_numpy(cells), persistent=False)
+        self.register_buffer("cells", torch.tensor(cells), persistent=False)
         self.register_buffer("gradients", torch.from_numpy(gradients), persistent=False)
         self.register_buffer("volumes", torch.from_numpy(volumes), persistent=False)
         self.register_buffer("constant", torch.from_numpy(constant), persistent=False)

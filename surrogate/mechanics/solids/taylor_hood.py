@@ -55,7 +55,7 @@ class TaylorHoodSolid(Solid):
         points, _ = quadratic_quadrature(cell_type)
         shapes = np.concatenate([1 - points.sum(axis=1, keepdims=True), points], axis=1)
         corners = cells[:, : shapes.shape[1]]
-        self.shapes, self.corners = torch.from_numpy(shapes), torch.from_numpy(corners)
+        self.shapes, self.corners = torch.from_numpy(shapes), torch.tensor(corners)
         of_cells = np.einsum("cq,qa,qb->cab", self.volumes.numpy(), shapes, shapes)
         self._mass = splu(csc_array(sum_of_cells(of_cells, corners, corners.max() + 1)))
 

@@ -101,7 +101,7 @@ def errors(
     at_corners = torch.einsum("cq,ijcq,cqaj->cai", solid.volumes, p, solid.gradients)
     force = np.zeros((1, *geometry.coordinates.shape))
     np.add.at(force[0], geometry.cells, at_corners.numpy())
-    u = torch.vmap(solution)(torch.from_numpy(geometry.coordinates)).numpy()[None]
+    u = torch.vmap(solution)(torch.tensor(geometry.coordinates)).numpy()[None]
     u = equilibrium.relaxed(u, force)
     for _ in range(ITERATIONS):
         step, is_stable = equilibrium.newton_step(u, equilibrium.out_of_balance(u, force))

@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from shared_schema.common.arguments.read_only import hold_read_only
 from shared_schema.common.bodies.quadratic.quadratic_cells import BETWEEN
 
 Array = NDArray[np.float64]
@@ -36,6 +37,8 @@ FACETS = {2: "line", 3: "triangle", 4: "quad"}  # by their number of corners
 @dataclass(frozen=True)
 class PointsBetween:
     """Points of the quadratic elements on a mesh: the nodes first, then the points between them.
+
+    Its arrays are read-only.
 
     Attributes
     ----------
@@ -51,6 +54,9 @@ class PointsBetween:
     nodes: int
     corners: Numbers
     cells: Numbers
+
+    def __post_init__(self) -> None:
+        hold_read_only(self)
 
     @classmethod
     def of(cls, cells: Numbers, cell_type: str, nodes: int) -> PointsBetween:

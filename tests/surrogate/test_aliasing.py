@@ -1,0 +1,513 @@
+"""No public call writes to what it is given, or reads again what it has returned."""
+
+from __future__ import annotations
+
+import shutil
+import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import cached_property, reduce
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from numpy.typing import NDArray
+
+import surrogate
+from shared_schema.common.errors import InputError
+from shared_schema.common.keys.units import SI
+from shared_schema.dataset_reader import DatasetReader
+from shared_schema.tools import Sphere
+from surrogate.certify import (
+    Bounds,
+    Certificate,
+    Correction,
+    FastCertificate,
+    FastEstimate,
+    Intervals,
+)
+from surrogate.data.geometry import Geometry
+from surrogate.descent import Descent
+from surrogate.descent.aim import Aim
+from surrogate.inference.training_range import TrainingRange
+from surrogate.probabilistic.distribution import Distribution
+from surrogate.runs.config_reader import run_config
+from tests.aliasing import public_functions, public_names, require_no_aliases
+
+Array = NDArray[np.float64]
+Given = dict[str, Any]
+FAMILY = "loads=1-2"
+CONFIG = {
+    "name": "aliasing",
+    "network": {"levels": 2, "channels": 4, "padding": 1},
+    "training": {"epochs": 1, "batch_size": 8},
+}
+HANDED_OUT = (
+    Bounds,
+    Certificate,
+    Correction,
+    Descent,
+    Distribution,
+    FastCertificate,
+    FastEstimate,
+    Geometry,
+    Intervals,
+    TrainingRange,
+)
+
+
+class World:
+    """A model, and all that it hands out; `wild` if callables misuse their arguments."""
+
+    def __init__(self, bayes: Path, data: Path, folder: Path, wild: bool) -> None:
+        self.model, self.bayes = surrogate.load("beam2d_any"), surrogate.load(bayes)
+        self.run, self.data, self.folder, self.wild = bayes, data, folder, wild
+        folder.mkdir()
+        self.buffer = np.zeros(self.model.geometry.coordinates.shape)
+
+    def shown(self, force: Array) -> Array:
+        """A prediction in a buffer, which the next one overwrites."""
+        predicted = self.model.predict(force)
+        if not self.wild:
+            return predicted
+        force[...] = self.buffer[...] = np.nan
+        self.buffer[...] = predicted
+        return self.buffer
+
+    def out(self, name: str) -> Path:
+        """A folder that is not there."""
+        shutil.rmtree(self.folder / name, ignore_errors=True)
+        return self.folder / name
+
+    @cached_property
+    def touch(self) -> surrogate.Touch:
+        return surrogate.Touch(self.model, corrected=True)
+
+    @cached_property
+    def grip(self) -> surrogate.Grip:
+        return surrogate.Grip(self.model, {"4,1": [0.02, None]}, corrected=True)
+
+    @cached_property
+    def solution(self) -> surrogate.Solution:
+        return self.model.solve("4,1:0,-0.5", certify="fast", stresses=True)
+
+    @cached_property
+    def dataset(self) -> surrogate.Dataset:
+        return surrogate.read_dataset(self.data)
+
+    @cached_property
+    def evaluation(self) -> surrogate.Evaluation:
+        return surrogate.evaluate(self.run, self.dataset, passes=2, conformal=0.5)
+
+    @cached_property
+    def intervals(self) -> Intervals:
+        assert self.evaluation.intervals is not None
+        return self.evaluation.intervals
+
+    @cached_property
+    def comparison(self) -> surrogate.Comparison:
+        return surrogate.compare([self.run], dataset=self.dataset, passes=2)
+
+    @cached_property
+    def curve(self) -> surrogate.LearningCurve:
+        return surrogate.LearningCurve(run_config({**CONFIG, "case": "beam2d"}), (), None)
+
+    @cached_property
+    def proposal(self) -> surrogate.Proposal:
+        return surrogate.propose(self.model, 2, among=4, family=FAMILY)
+
+    @cached_property
+    def identification(self) -> surrogate.Identification:
+        given = arguments()
+        markers = surrogate.Markers.of(given["at rest"], given["seen"])
+        return surrogate.identify(self.model, markers, ["4,1"], noise=1e-3)
+
+    @cached_property
+    def fast(self) -> FastCertificate:
+        return self.model.fast_certificate
+
+    @cached_property
+    def distribution(self) -> Distribution:
+        return self.bayes.predict_distribution(self.force_of_bayes, 2)
+
+    @cached_property
+    def force_of_bayes(self) -> Array:
+        force = np.zeros(self.bayes.geometry.coordinates.shape)
+        force[self.bayes.geometry.tip] = 0.1, -0.2
+        return force
+
+
+def arguments() -> Given:
+    """Arrays, tensors, lists and mappings that a caller may give."""
+    force = np.zeros((64, 2))
+    tip = 1  # at 4, 0
+    force[tip] = 0.1, -0.5
+    at_rest = np.array([[1.0, 0.5], [2.0, 0.5], [3.0, 0.5], [4.0, 0.5]])
+    return {
+        "force": force,
+        "forces": np.stack([force, -0.5 * force]),
+        "tensor": torch.tensor(force),
+        "displacement": 0.01 * force,
+        "displacements": np.stack([0.01 * force, -0.005 * force]),
+        "truth": np.stack([0.011 * force, -0.004 * force]),
+        "nodes": np.array([5, 3, 1]),
+        "held": {"4,1": [0.02, None]},
+        "moved": np.array([[0.03, 0.0]]),
+        "body force": np.array([0.0, -0.1]),
+        "centre": np.array([3.0, 1.25]),
+        "at rest": at_rest,
+        "seen": at_rest - np.outer([0.01, 0.04, 0.08, 0.12], [0.0, 1.0]),
+        "unknown": ["4,1"],
+    }
+
+
+def tool(given: Given, lower: float = 0.0) -> Sphere:
+    """A sphere that pushes the beam from above."""
+    x, y = given["centre"]
+    return Sphere((x, y - lower), 0.3)
+
+
+Call = Callable[[World, Given], Any]
+OF_MODELS = ["blocks", "driven_body", "equilibrium", "fast_certificate", "fast_estimate"]
+OF_MODELS += ["has_series", "is_probabilistic", "is_stochastic", "precision", "run", "stressed"]
+OF_GEOMETRIES = ["dimension", "free", "free_mask", "held", "loaded_body", "movable", "no_pressure"]
+OF_GEOMETRIES += ["surface_facets", "surface_nodes", "surfaces", "tip"]
+OF_GEOMETRIES += ["free_at_points", "loaded_points", "points_between", "pressed_points"]
+OF_DATASETS = ["body", "folder", "info", "material"]
+
+
+def attribute(*names: str) -> Call:
+    """What a world has under a name, or a part of it."""
+    return lambda world, given: reduce(getattr, names, world)
+
+
+CALLS: dict[str, Call] = {
+    # Surrogate
+    "Surrogate.predict": lambda w, g: [
+        w.model.predict(g["force"]),
+        w.model.predict(g["forces"]),
+        w.model.predict(g["tensor"]),
+        w.model.predict(g["tensor"].clone().requires_grad_(True)),
+        w.model.predict(g["force"], nodes="surface"),
+        w.model.predict(g["force"], nodes=g["nodes"]),
+        w.bayes.predict(w.force_of_bayes),
+    ],
+    "Surrogate.predict, driven": lambda w, g: [
+        w.model.predict(g["forces"], tolerance=1e-6),
+        w.model.predict(g["tensor"], budget=1e9, tolerance=1e-6),
+    ],
+    "Surrogate.solve": lambda w, g: [
+        w.model.solve(g["force"], certify="fast", stresses=True),
+        w.model.solve(g["tensor"]),
+        w.bayes.solve(w.force_of_bayes, passes=2, certify="full"),
+    ],
+    "Surrogate.solve, stiffness": lambda w, g: [
+        w.model.solve(g["force"], young_modulus=1000.0),
+        w.model.solve(g["tensor"], young_modulus=1000.0, correct=True, certify="full"),
+    ],
+    "Surrogate.solve, held": lambda w, g: [
+        w.model.solve(g["force"], held=g["held"]),
+        w.model.solve(g["force"], held=g["held"], correct=True),
+    ],
+    "Surrogate.solve, tool": lambda w, g: [
+        w.model.solve(g["force"], tool=tool(g)),
+        w.model.solve(g["force"], tool=tool(g), correct=True),
+    ],
+    "Surrogate.solve, body force": lambda w, g: [
+        w.model.solve(g["force"], body_force=g["body force"]),
+        w.model.solve(g["tensor"], body_force=g["body force"], tolerance=1e-6),
+    ],
+    "Surrogate.predict_distribution": lambda w, g: w.bayes.predict_distribution(
+        w.force_of_bayes, passes=3
+    ),
+    "Surrogate.averaged_passes": lambda w, g: [
+        w.model.averaged_passes(g["forces"]),
+        w.bayes.averaged_passes(w.force_of_bayes, 3),
+    ],
+    "Surrogate.certify": lambda w, g: [
+        w.model.certify(g["force"], g["displacement"]),
+        w.model.certify(g["forces"], g["displacements"]),
+        w.model.certify(g["forces"]),
+    ],
+    "Surrogate.bounds": lambda w, g: [
+        w.model.bounds(g["force"], g["displacement"]),
+        w.model.bounds(g["forces"]),
+    ],
+    "Surrogate.correct": lambda w, g: [
+        w.model.correct(g["force"], g["displacement"]),
+        w.model.correct(g["force"]),
+    ],
+    "Surrogate.correct_each": lambda w, g: w.model.correct_each(g["forces"], g["displacements"]),
+    "Surrogate.stresses": lambda w, g: [
+        w.model.stresses(g["displacement"]),
+        w.model.stresses(g["displacements"]),
+    ],
+    "Surrogate.reactions": lambda w, g: w.model.reactions(g["displacement"], g["force"]),
+    "Surrogate.stresses_under": lambda w, g: w.model.stresses_under(
+        g["forces"], None, g["displacements"]
+    ),
+    "Surrogate.reactions_under": lambda w, g: w.model.reactions_under(
+        g["forces"], None, g["displacements"]
+    ),
+    "Surrogate.mean_and_last_term": lambda w, g: w.model.mean_and_last_term(g["forces"]),
+    "Surrogate.descend": lambda w, g: w.model.descend(
+        g["force"], None, g["displacement"], Aim(1e-6)
+    ),
+    "Surrogate.prepare": lambda w, g: w.model.prepare(g["nodes"]),
+    "Surrogate.with_young_moduli": lambda w, g: zoned(w, g),
+    "Surrogate.under": lambda w, g: w.model.under(None),
+    "Surrogate.balanced": lambda w, g: w.model.balanced(),
+    "Surrogate.score_scale": lambda w, g: w.bayes.score_scale(w.distribution),
+    "Surrogate.require_nodes_alone": lambda w, g: w.model.require_nodes_alone("pages", ""),
+    "Surrogate.require_stochastic": lambda w, g: w.bayes.require_stochastic(passes=2),
+    **{f"Surrogate.{name}": attribute("model", name) for name in OF_MODELS},
+    "Surrogate.intervals": lambda w, g: w.intervals,
+    # frames
+    "Touch.move": lambda w, g: [
+        w.touch.move(tool(g)),
+        w.touch.move(tool(g, 0.01), g["force"]),
+        w.touch.move(tool(g, 0.02), predict=w.shown),
+        w.touch.move(tool(g, 0.03), predict=w.shown),
+        w.touch.move(tool(g, 0.04)),
+    ],
+    "Touch.correct": lambda w, g: [
+        w.touch.correct(tool(g, 0.05), 0.1 * g["force"]),
+        w.touch.correct(tool(g, 0.05), 0.1 * g["force"]),
+        w.touch.move(tool(g, 0.05)),
+    ],
+    "Touch.reaction": lambda w, g: w.touch.reaction(tool(g, 0.051)),
+    "Touch.let_go": lambda w, g: w.touch.let_go(),
+    "Grip.move": lambda w, g: [
+        w.grip.move(g["moved"]),
+        w.grip.move(g["moved"], g["force"]),
+        w.grip.move(g["moved"], g["force"]),
+        w.grip.move(2 * g["moved"], predict=w.shown),
+        w.grip.move(3 * g["moved"], predict=w.shown),
+        w.grip.move(w.grip.displacements),
+    ],
+    "Grip.correct": lambda w, g: [
+        w.grip.correct(g["moved"], g["force"]),
+        w.grip.correct(g["moved"], g["force"]),
+        w.grip.move(g["moved"], g["force"]),
+    ],
+    "TouchFrame.nodes": lambda w, g: w.touch.move(tool(g)).nodes,
+    "TouchFrame.reaction": lambda w, g: w.touch.move(tool(g)).reaction,
+    # identification and proposals
+    "identify": lambda w, g: [
+        surrogate.identify(
+            w.model,
+            surrogate.Markers(g["at rest"], g["seen"]),
+            g["unknown"],
+            body_force=g["body force"],
+            noise=1e-3,
+        ),
+        surrogate.identify(
+            w.model, surrogate.Markers(g["at rest"], g["seen"]), ["tool"], tool=tool(g), noise=1e-3
+        ),
+    ],
+    "Identification.lines": lambda w, g: w.identification.lines(),
+    "Identification.save": lambda w, g: w.identification.save(w.folder / "found.npz"),
+    "Identification.units": lambda w, g: w.identification.units,
+    "Markers.of": lambda w, g: surrogate.Markers.of(g["at rest"], g["seen"]),
+    "Markers.moved": lambda w, g: surrogate.Markers(g["at rest"], g["seen"]).moved,
+    "Markers.interpolation": lambda w, g: (
+        surrogate.Markers(g["at rest"], g["seen"]).interpolation(w.model.geometry).data
+    ),
+    "propose": lambda w, g: surrogate.propose(w.model, 2, among=4, family=FAMILY),
+    "Proposal.save": lambda w, g: w.proposal.save(w.folder / "loads.h5"),
+    "Proposal.summary": lambda w, g: w.proposal.summary(),
+    # solutions
+    "Solution.fields": lambda w, g: w.solution.fields(),
+    "Solution.save": lambda w, g: w.solution.save(w.folder / "u.npz"),
+    "Solution.largest": lambda w, g: w.solution.largest,
+    "Solution.load": lambda w, g: w.solution.load,
+    "Solution.plot": lambda w, g: w.solution.plot(),
+    "Solution.summary": lambda w, g: w.solution.summary(),
+    "Solution.refusal": lambda w, g: w.solution.refusal,
+    "Solution.verdict": lambda w, g: w.solution.verdict,
+    "Solution.std": lambda w, g: w.bayes.solve(w.force_of_bayes, passes=2).std,
+    # certificates
+    "Certificate.certified": lambda w, g: w.model.certify(g["forces"]).certified(1e-3),
+    "Certificate.max_error": lambda w, g: w.model.certify(g["forces"]).max_error,
+    "Certificate.mean_error": lambda w, g: w.model.certify(g["forces"]).mean_error,
+    "Certificate.refusal": lambda w, g: w.model.certify(g["forces"]).refusal(1e-3),
+    "Certificate.summary": lambda w, g: w.model.certify(g["forces"]).summary(),
+    "Bounds.certified": lambda w, g: w.model.bounds(g["forces"]).certified(1e-3),
+    "Bounds.refusal": lambda w, g: w.model.bounds(g["forces"]).refusal(1e-3),
+    "Bounds.summary": lambda w, g: w.model.bounds(g["forces"]).summary(),
+    "Correction.summary": lambda w, g: w.model.correct(g["force"]).summary(),
+    "Descent.kept": lambda w, g: descent(w, g).kept,
+    "Descent.refusal": lambda w, g: descent(w, g).refusal(SI),
+    "Descent.summary": lambda w, g: descent(w, g).summary(SI),
+    "Distribution.fields": lambda w, g: w.distribution.fields(),
+    "Distribution.reshaped": lambda w, g: w.distribution.reshaped((-1,)),
+    "Distribution.std": lambda w, g: w.distribution.std,
+    "FastEstimate.__call__": lambda w, g: w.model.fast_estimate(g["forces"], g["displacements"]),
+    "FastEstimate.with_stability": lambda w, g: w.model.fast_estimate.with_stability(
+        g["forces"], g["displacements"]
+    ),
+    "FastCertificate.certify": lambda w, g: [
+        w.fast.certify(g["force"], g["displacement"], 0.95),
+        w.fast.certify(g["forces"], g["displacements"], 0.95),
+    ],
+    "FastCertificate.bounds": lambda w, g: w.fast.bounds(
+        g["displacements"], g["truth"], g["body force"], 0.95
+    ),
+    "FastCertificate.factor": lambda w, g: w.fast.factor(0.95),
+    "FastCertificate.fit": lambda w, g: (
+        FastCertificate.fit(
+            w.model.fast_estimate, g["forces"], g["displacements"], g["truth"]
+        ).ratios
+    ),
+    "FastCertificate.knows_components": lambda w, g: w.fast.knows_components,
+    "FastCertificate.measures": lambda w, g: w.fast.measures(
+        g["forces"], g["displacements"], g["truth"]
+    ),
+    "FastCertificate.half_widths": lambda w, g: scaled(w).half_widths(
+        g["displacements"], np.abs(g["truth"]), 0.95
+    ),
+    "FastCertificate.inside": lambda w, g: scaled(w).inside(
+        g["forces"], g["displacements"], g["truth"], np.abs(g["truth"]), 0.95
+    ),
+    "FastCertificate.refusals": lambda w, g: w.fast.refusals(
+        g["forces"], g["displacements"], g["truth"], g["body force"]
+    ),
+    "Intervals.bounds": lambda w, g: w.intervals.bounds("marginal", *of_bayes(w), 1e-3),
+    "Intervals.measures": lambda w, g: w.intervals.measures(
+        *of_bayes(w), 1e-3, *of_bayes(w), w.bayes.geometry.free
+    ),
+    "TrainingRange.exceeded": lambda w, g: w.bayes.training_range.exceeded(w.force_of_bayes),
+    "TrainingRange.compared": lambda w, g: w.bayes.training_range.compared(w.force_of_bayes),
+    "TrainingRange.none": lambda w, g: TrainingRange.none(w.model.geometry).exceeded(g["forces"]),
+    "TrainingRange.warn": lambda w, g: w.bayes.training_range.warn(w.force_of_bayes),
+    "TrainingRange.log": lambda w, g: w.bayes.training_range.log(w.force_of_bayes),
+    # bodies and datasets
+    **{f"Geometry.{name}": attribute("model", "geometry", name) for name in OF_GEOMETRIES},
+    "Geometry.arrays": lambda w, g: w.model.geometry.arrays(),
+    "Geometry.tensors": lambda w, g: w.model.geometry.tensors(),
+    "Geometry.from_arrays": lambda w, g: read(w),
+    "Geometry.from_tensors": lambda w, g: Geometry.from_tensors(
+        w.model.geometry.tensors(), w.model.geometry.cell_type
+    ),
+    "Geometry.nodes_of": lambda w, g: [
+        w.model.geometry.nodes_of(g["nodes"]),
+        w.model.geometry.nodes_of("surface"),
+    ],
+    **{f"Dataset.{name}": attribute("dataset", name) for name in OF_DATASETS},
+    "Dataset.nodal_train": lambda w, g: w.dataset.nodal_train(torch.tensor([0, 2])),
+    "read_dataset": lambda w, g: surrogate.read_dataset(w.data),
+    "first_config": lambda w, g: str(surrogate.first_config(w.dataset).config()),
+    "dry_run": lambda w, g: (
+        surrogate.dry_run(
+            run_config({**CONFIG, "case": w.dataset.manifest.name}), w.dataset, device="cpu"
+        ).parameters
+    ),
+    "train": lambda w, g: surrogate.train(
+        run_config({**CONFIG, "case": w.dataset.manifest.name}),
+        w.dataset,
+        w.out("run"),
+        device="cpu",
+    ),
+    "evaluate": lambda w, g: evaluated(w),
+    "Evaluation.lines": lambda w, g: list(w.evaluation.lines()),
+    "Evaluation.plot": lambda w, g: w.evaluation.plot(),
+    "Evaluation.predicted": lambda w, g: evaluated(w).predicted,
+    "compare": lambda w, g: surrogate.compare([w.run], dataset=w.dataset, passes=2).csv(),
+    "Comparison.csv": lambda w, g: w.comparison.csv(),
+    "Comparison.plot": lambda w, g: w.comparison.plot(),
+    "LearningCurve.as_json": lambda w, g: w.curve.as_json(),
+    "LearningCurve.outlook": lambda w, g: list(w.curve.outlook()),
+    # lists
+    "config_keys": lambda w, g: surrogate.config_keys(),
+    "config_list": lambda w, g: surrogate.config_list(),
+    "config_schema": lambda w, g: surrogate.config_schema(),
+    "load": lambda w, g: surrogate.load("beam2d_any").geometry.coordinates,
+    "shelved": lambda w, g: surrogate.shelved(),
+    "trained_list": lambda w, g: surrogate.trained_list(),
+}
+NO_ARRAYS = {  # given paths and numbers alone, and returning what is in files
+    "calibrate",
+    "export",
+    "learning_curve",
+    "read_config",
+    "read_published",
+    "refine",
+    "shelve",
+    "write_page",
+    "write_report",
+    "Evaluation.write",
+    "FastCertificate.serialised",
+    "Intervals.read",
+    "Intervals.serialised",
+    "LearningCurve.plot",
+}
+SHARED = {  # another name of what the caller owns
+    "Dataset.at_nodes",
+    "Dataset.train",
+    "Dataset.training",
+    "Solution.estimated_error",
+    "Solution.lower",
+    "Solution.std_aleatoric",
+    "Solution.std_epistemic",
+    "Solution.upper",
+}
+
+
+def zoned(world: World, given: Given) -> None:
+    with pytest.raises(InputError):
+        world.model.with_young_moduli(given["held"])
+
+
+def read(world: World) -> Geometry:
+    reader = DatasetReader(world.data)
+    return Geometry.from_arrays(reader.body, reader.cell_type)
+
+
+def scaled(world: World) -> FastCertificate:
+    """Bounds that know ratios of single components."""
+    return replace(world.fast, ratios={**world.fast.ratios, "component": np.linspace(0, 3, 1001)})
+
+
+def descent(world: World, given: Given) -> Descent:
+    return world.model.descend(given["force"], None, given["displacement"], Aim(1e-6))[1]
+
+
+def of_bayes(world: World) -> tuple[Array]:
+    return (world.evaluation.predicted,)
+
+
+def evaluated(world: World) -> surrogate.Evaluation:
+    return surrogate.evaluate(world.run, world.dataset, passes=2)
+
+
+@pytest.fixture(scope="module")
+def worlds(
+    make_run: Callable[..., Path], data: Path, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[World, World]:
+    folder = tmp_path_factory.mktemp("aliasing")
+    bayes = make_run(epochs=1, likelihood="variational_bayes", calibration_fraction=0.3)
+    peaceful = World(bayes, data, folder / "peaceful", wild=False)
+    return peaceful, World(bayes, data, folder / "wild", wild=True)
+
+
+@pytest.fixture(autouse=True)
+def _no_warnings() -> Iterator[None]:
+    """Warnings of loads are of no interest here."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
+
+
+def test_every_public_name_is_called() -> None:
+    kinds = [getattr(surrogate, name) for name in surrogate.__all__]
+    classes = [kind for kind in kinds if isinstance(kind, type)]
+    public = public_names([*classes, *HANDED_OUT], ("surrogate", "shared_schema"))
+    called = {name.partition(",")[0] for name in CALLS}
+    assert public | public_functions(surrogate) == called | NO_ARRAYS | SHARED
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_call(name: str, worlds: tuple[World, World]) -> None:
+    require_no_aliases(CALLS[name], worlds, arguments)
