@@ -3,6 +3,8 @@
 ====================  ========================================================================
 `descent`             the loop: directions, their lengths, and when to stop
 `first_direction`     the first one alone, whose length estimates the error
+`directions`          single directions and steps along them, by the method of L-BFGS
+`tangent_steps`       Newton's steps from a state in doubt
 `fixed_directions`    a fixed number of directions, for exported files
 `aim`                 when a prediction is right enough: a tolerance, a time budget
 `cell_fields`         gradients and forces of one load, in compiled loops

@@ -13,16 +13,20 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from shared_schema.common.bodies.force_tolerance import ForceTolerance
 from surrogate.descent.carried_compliance import CarriedCompliance
 from surrogate.descent.cell_fields import CellFields, jacobian
 from surrogate.descent.cell_stress import CellStress
-from surrogate.descent.soft_modes import Softening, SoftModes
+from surrogate.descent.soft_modes import Softening, least_eigenvalue, soft_modes
 from surrogate.mechanics.follower_pressure import FollowerPressure
 from surrogate.mechanics.matrices.tangent_iterations import iterates
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.solids.solid import Solid
 
 Array = NDArray[np.float64]
+EQUILIBRIUM = ForceTolerance()  # nothing is left to do
+SOFT = 0.5  # θ below which a mode is soft
+SMALL = 1e-5  # of the size of a cell: displacement along a mode
 
 
 @dataclass(frozen=True)
@@ -35,15 +39,10 @@ class State:
         In m.
     r : array, (n_points, d)
         Out-of-balance forces r(u) in N; zero where it is held.
-    f, piola : array, (d, d, n), or None
-        F and the first Piola–Kirchhoff stress in Pa at the quadrature points; None if the forces of
-        a cell are no sum over them.
     """
 
     u: Array
     r: Array
-    f: Array | None = None
-    piola: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -57,9 +56,10 @@ class DrivenBody:
     compliance : CarriedCompliance
     fields : CellFields or None
         None if the forces of a cell are no sum over its points.
-    modes : SoftModes
-    means : Softening or None
-        By the means over cells; None as `fields`.
+    modes : array, (n_modes, n_points, d)
+        The softest ones, of unit φ · K(0) φ.
+    softening : Softening or None
+        By the means over cells; None if the forces of a cell are no sum over its points alone.
     stress : CellStress or None
         None if the forces of a cell are no sum over its points.
     """
@@ -67,8 +67,8 @@ class DrivenBody:
     equilibrium: Equilibrium
     compliance: CarriedCompliance
     fields: CellFields | None
-    modes: SoftModes
-    means: Softening | None
+    modes: Array
+    softening: Softening | None
     stress: CellStress | None
 
     @classmethod
@@ -77,15 +77,13 @@ class DrivenBody:
         solid = equilibrium.solid
         known = CellStress.is_known(solid)
         fields, stress = (CellFields(equilibrium), CellStress(solid)) if known else (None, None)
-        by_points = fields if type(solid) is Solid else None
-        compliance = CarriedCompliance(equilibrium)
-        modes, means = SoftModes(equilibrium, by_points, compliance.linear_response), None
-        if by_points is not None:
-            of_cells = CellFields(equilibrium, means=True)
-            means = Softening(of_cells, modes.modes, modes.energies)
+        compliance, softening = CarriedCompliance(equilibrium), None
+        modes = soft_modes(equilibrium, compliance.linear_response)
+        if type(solid) is Solid:
+            softening = Softening(CellFields(equilibrium, dtype=np.float32, means=True), modes)
         if iterates(equilibrium.layout):
             equilibrium = equilibrium.iterating(compliance.at)
-        return cls(equilibrium, compliance, fields, modes, means, stress)
+        return cls(equilibrium, compliance, fields, modes, softening, stress)
 
     def under(self, pressure: FollowerPressure | None) -> DrivenBody:
         """Return the same body, under the pressures of one load case as well."""
@@ -98,27 +96,46 @@ class DrivenBody:
 
         None if a cell is inverted or a number is not finite.
         """
-        found = self._internal_forces(u) if np.isfinite(u).all() else None
-        if found is None:
+        internal = self._internal_forces(u) if np.isfinite(u).all() else None
+        if internal is None:
             return None
-        internal, *at_points = found
         r = (internal - self.equilibrium.external(u[None], force[None])[0]) * self.equilibrium.free
-        return State(u, r, *at_points) if np.isfinite(r).all() else None
+        return State(u, r) if np.isfinite(r).all() else None
+
+    def is_dead(self) -> bool:
+        """Whether its forces do not follow it, and those of the cells are a sum over points."""
+        dead = type(self.equilibrium) is Equilibrium and self.equilibrium.pressure is None
+        return dead and self.softening is not None
+
+    def softest(self, state: State, force: Array) -> float:
+        """θ of a state under dead forces in N, (n_points, d): by products where stresses soften."""
+        if self.softening is not None and (softened := self.softened(state.u)) >= SOFT:
+            return softened
+        stiffness = np.zeros((len(self.modes),) * 2)
+        carried = [self.compliance.turned(state.u, mode) for mode in self.modes]
+        for row, s in zip(stiffness, carried, strict=True):
+            part = SMALL * self.equilibrium.cell_size / longest(s)
+            beside = self.state(state.u + part * s, force)
+            if beside is None:
+                return -np.inf
+            row[:] = [np.vdot(each, beside.r - state.r) / part for each in carried]
+        return least_eigenvalue(stiffness)
 
     def softened(self, u: Array) -> float:
-        """Smallest θ of the soft modes at a displacement, by the means over cells alone.
+        """θ of a displacement by its stresses alone; −∞ where cells are inverted."""
+        assert self.softening is not None
+        assert self.stress is not None
+        f = self.softening.fields.deformation_gradient(u)
+        piola = self.stress(f.astype(np.float64))
+        return -np.inf if piola is None else self.softening.least(f, piola.astype(f.dtype))
 
-        −∞ under pressures that follow the body, where cells are inverted, and for elements whose
-        forces are no sum over points.
-        """
-        dead = type(self.equilibrium) is Equilibrium and self.equilibrium.pressure is None
-        if self.means is None or self.stress is None or not dead:
-            return -np.inf
-        f = self.means.fields.deformation_gradient(u)
-        piola = self.stress(f)
-        if piola is None:
-            return -np.inf
-        return float(self.means.quotients(f, piola).min(initial=1.0))
+    def is_balanced(self, state: State, force: Array) -> bool:
+        """Whether a state is in equilibrium, up to rounding."""
+        equilibrium = self.equilibrium
+        load = float(np.linalg.norm(equilibrium.at_rest(force[None]) * equilibrium.free))
+        size = float(np.linalg.norm(state.u))
+        allowed = EQUILIBRIUM.under(load, equilibrium.round_off, size)
+        return float(np.linalg.norm(state.r)) <= allowed
 
     def is_inverted(self, u: Array) -> bool:
         """Whether a displacement (n_points, d) inverts a cell."""
@@ -126,16 +143,17 @@ class DrivenBody:
             return bool(self.equilibrium.inverted(u[None])[0])
         return not bool((jacobian(self.fields.deformation_gradient(u))[0] > 0).all())
 
-    def _internal_forces(self, u: Array) -> tuple[Array, ...] | None:
-        """f_int in N, (n_points, d), then F and P if they are all; None if a cell is inverted."""
+    def _internal_forces(self, u: Array) -> Array | None:
+        """f_int in N, (n_points, d); None if a cell is inverted."""
         solid = self.equilibrium.solid
         if self.fields is None or self.stress is None:
             one = torch.from_numpy(u[None])
             inverted = bool(solid.inverted(one)[0])
-            return None if inverted else (solid.internal_forces(one)[0].numpy(),)
-        f = self.fields.deformation_gradient(u)
-        piola = self.stress(f)
-        if piola is None:
-            return None
-        forces = self.fields.forces(piola)
-        return (forces, f, piola) if type(solid) is Solid else (forces,)
+            return None if inverted else np.asarray(solid.internal_forces(one)[0].numpy())
+        piola = self.stress(self.fields.deformation_gradient(u))
+        return None if piola is None else self.fields.forces(piola)
+
+
+def longest(field: Array) -> float:
+    """Largest Euclidean norm of a node's vector in a field, (n_nodes, d)."""
+    return float(np.sqrt(np.square(field).sum(axis=1).max(initial=0.0)))

@@ -12,8 +12,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.descent.descent import FAR, is_balanced, longest
-from surrogate.descent.driven_body import DrivenBody
+from surrogate.descent.descent import FAR
+from surrogate.descent.driven_body import DrivenBody, longest
 
 Array = NDArray[np.float64]
 
@@ -43,7 +43,7 @@ def first_direction(body: DrivenBody, force: Array, u: Array) -> Array | None:
         return None
     found = -body.compliance.at(state.u)(state.r)[: equilibrium.nodes]
     is_long = longest(found) > FAR * longest(u)  # or as long as rounding errors of a small load
-    if is_long and is_balanced(equilibrium, points[0], state):
+    if is_long and body.is_balanced(state, points[0]):
         return np.zeros_like(u)
     return found
 

@@ -17,7 +17,8 @@ import torch
 from torch import Tensor, nn
 
 from shared_schema.common.errors import InputError
-from surrogate.descent.descent import CURVED, MOST, PAIRS, TURNED
+from surrogate.descent.descent import MOST
+from surrogate.descent.directions import CURVED, PAIRS, TURNED
 from surrogate.mechanics.compliance import DENSE
 from surrogate.mechanics.linear_response import LinearResponse
 from surrogate.mechanics.matrices.band_matrix import BandLayout

@@ -1,18 +1,22 @@
 r"""The softest modes of a body, in which it buckles: how stiff they are at a deformed state.
 
 .. math::
-    θ_i = \frac{s_i · K(u) \, s_i}{φ_i · K(0) \, φ_i}, \qquad s_i = T φ_i
+    θ = \min_y \frac{s · K(u) \, s}{s · P^{-1} s}, \qquad s = T \sum_i y_i φ_i, \qquad
+    s · P^{-1} s = \sum_i y_i^2
 
-with the modes φ of the undeformed body, carried to the state
-(`surrogate.descent.carried_compliance`). It is a Rayleigh quotient of P K(u), whose eigenvalues are
-1 where P is exact: a small θ says that a direction made with P is too short along s, a negative one
-that the state is not stable. Both hardly ever happen, and products with K(u) cost a residual each.
-So the stresses are looked at first. They are what softens a mode,
+with the modes φ of the undeformed body, of unit φ · K(0) φ, carried to the state
+(`surrogate.descent.carried_compliance`). It is the least Ritz value of P K(u) in their span, which
+is never below the least eigenvalue; all eigenvalues are 1 where P is exact. A small θ says that a
+direction made with P is too short along s, a negative one that the state is not stable.
+Combinations matter: the edge of a plate buckles by bending and torsion at once.
 
-.. math:: θ_i ≈ 1 + \frac{1}{φ_i · K(0) \, φ_i} \sum_q w_q \, S_q : (H_q^T H_q), \qquad
-          H = F \, ∇φ_i
+Products with K(u) cost a residual each. Where forces are a sum over points, the stresses are looked
+at instead. They are what softens a mode,
 
-with the second Piola–Kirchhoff stress S.
+.. math:: θ ≈ 1 + \min_{|y| = 1} \sum_{ij} y_i \, y_j \sum_q w_q \, S_q : (H_i^T H_j)_q, \qquad
+          H_i = F \, ∇φ_i
+
+with the second Piola–Kirchhoff stress S and the means of F over the cells.
 """
 
 from __future__ import annotations
@@ -26,68 +30,56 @@ from surrogate.descent.cell_fields import CellFields, Values, jacobian, product
 from surrogate.mechanics.out_of_balance import Equilibrium
 
 Array = NDArray[np.float64]
-MODES, BESIDE = 3, 3  # that are kept, and others that are iterated with them
+MODES, BESIDE = 6, 4  # that are kept, and others that are iterated with them
 ITERATIONS = 8
 
 
-class SoftModes:
-    """The softest modes of the undeformed body.
+def soft_modes(equilibrium: Equilibrium, respond: Callable[[Array], Array]) -> Array:
+    """The softest modes of the undeformed body, of unit φ · K(0) φ: (n_modes, n_points, d).
 
     Parameters
     ----------
     equilibrium : Equilibrium
-    fields : CellFields or None
-        In double precision.
     respond : callable
         Forces (N, n_points, d) in N to linear responses in m.
-
-    Attributes
-    ----------
-    modes : array, (n_modes, n_points, d)
-    energies : array, (n_modes,)
-        Twice their energies, φ · K(0) φ.
     """
-
-    def __init__(
-        self, equilibrium: Equilibrium, fields: CellFields | None, respond: Callable[[Array], Array]
-    ) -> None:
-        shape = equilibrium.free.shape
-        count = min(MODES + BESIDE, len(equilibrium.layout.dofs))
-        x = np.random.default_rng(0).normal(size=(count, *shape)) * equilibrium.free
-        for _ in range(ITERATIONS):  # subspace iteration
-            rows = respond(x).reshape(count, -1)
-            x = np.linalg.qr(rows.T)[0].T.reshape(x.shape)
-        response = respond(x).reshape(count, -1)
-        softness, turn = np.linalg.eigh(response @ x.reshape(count, -1).T)
-        order = np.argsort(-softness)[:MODES]
-        forces = turn.T[order] @ x.reshape(count, -1)
-        modes = turn.T[order] @ response
-        self.modes: Array = modes.reshape(-1, *shape)
-        self.energies: Array = (modes * forces).sum(axis=1)
-        self.softening = None if fields is None else Softening(fields, self.modes, self.energies)
+    shape = equilibrium.free.shape
+    count = min(MODES + BESIDE, len(equilibrium.layout.dofs))
+    x = np.random.default_rng(0).normal(size=(count, *shape)) * equilibrium.free
+    for _ in range(ITERATIONS):  # subspace iteration
+        rows = respond(x).reshape(count, -1)
+        x = np.linalg.qr(rows.T)[0].T.reshape(x.shape)
+    response = respond(x).reshape(count, -1)
+    softness, turn = np.linalg.eigh(response @ x.reshape(count, -1).T)
+    order = np.argsort(-softness)[:MODES]
+    modes = turn.T[order] @ response / np.sqrt(softness[order])[:, None]
+    return np.asarray(modes.reshape(-1, *shape))
 
 
 class Softening:
-    """What the stresses of a state do to some modes.
+    """What the stresses of a state do to the softest modes.
 
     Parameters
     ----------
     fields : CellFields
         At whose points stresses and deformation gradients are given.
     modes : array, (n_modes, n_points, d)
-    energies : array, (n_modes,)
+        Of unit φ · K(0) φ.
     """
 
-    def __init__(self, fields: CellFields, modes: Array, energies: Array) -> None:
-        self.fields, self.energies = fields, energies
+    def __init__(self, fields: CellFields, modes: Array) -> None:
+        self.fields = fields
         self._slopes = [fields.slopes(mode) for mode in modes]
 
-    def quotients(self, f: Values, piola: Values) -> Array:
-        """θ by the stresses alone, (n_modes,), of F and P in Pa: (d, d, n) each."""
+    def least(self, f: Values, piola: Values) -> float:
+        """θ by the stresses alone, of F and P in Pa: (d, d, n) each."""
         j, cofactors = jacobian(f)
         weighted = product(cofactors.swapaxes(0, 1), piola) * (self.fields.weights / j)  # w S
-        found = []
-        for slopes, energy in zip(self._slopes, self.energies, strict=True):
-            h = product(f, slopes)
-            found.append(1 + float(np.vdot(product(h, weighted), h)) / energy)
-        return np.array(found)
+        turned = [product(f, slopes) for slopes in self._slopes]
+        stressed = np.array([product(h, weighted).ravel() for h in turned])
+        return 1 + least_eigenvalue(stressed @ np.array([h.ravel() for h in turned]).T)
+
+
+def least_eigenvalue(matrix: Array) -> float:
+    """Least eigenvalue of the symmetric part of a matrix."""
+    return float(np.linalg.eigvalsh((matrix + matrix.T) / 2)[0])

@@ -12,7 +12,7 @@ from scipy.sparse import csr_array
 
 from shared_schema.common.errors import InputError, WorkError
 from surrogate.descent import Aim
-from surrogate.descent.descent import longest
+from surrogate.descent.driven_body import longest
 from surrogate.identification.candidates import Candidate, Start, likely_candidates
 from surrogate.identification.least_squares import Fit, fit, refit
 from surrogate.identification.place import Places, best_place

@@ -16,7 +16,8 @@ from shared_schema.tools import contact_line
 from surrogate.certify.certificate_protocol import ErrorCertificate
 from surrogate.certify.correction import Correction
 from surrogate.data.geometry import Geometry
-from surrogate.descent.descent import Descent, longest
+from surrogate.descent.descent import Descent
+from surrogate.descent.driven_body import longest
 from surrogate.descent.first_direction import exceeds_motion
 from surrogate.probabilistic.distribution import Distribution
 

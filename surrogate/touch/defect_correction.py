@@ -35,7 +35,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.descent.descent import longest
+from surrogate.descent.driven_body import longest
 from surrogate.descent.first_direction import first_direction
 from surrogate.touch.body import Body, Predict
 from surrogate.touch.force_search import part_of

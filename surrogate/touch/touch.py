@@ -27,7 +27,7 @@ from shared_schema.common.errors import WorkError
 from shared_schema.tools import Contact, Tool, require_outside
 from surrogate.certify.correction import Correction
 from surrogate.descent.aim import require_positive
-from surrogate.descent.descent import longest
+from surrogate.descent.driven_body import longest
 from surrogate.touch.bend import Bend
 from surrogate.touch.body import BY_FACTORY, Body, Predict, load_beside
 from surrogate.touch.contact_newton import ContactNewton

@@ -12,7 +12,8 @@ from shared_schema.common.errors import InputError
 from shared_schema.material import Gent, MooneyRivlin, ShippedMaterial, Yeoh
 from surrogate.certify.correction import correct
 from surrogate.descent import Aim, Descent, DrivenBody, descend
-from surrogate.descent.descent import MARGIN, longest
+from surrogate.descent.driven_body import longest
+from surrogate.descent.tangent_steps import MARGIN
 from surrogate.mechanics.out_of_balance import Equilibrium
 from tests.surrogate.descent.test_carried_compliance import KINDS, body_of
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
@@ -196,15 +197,23 @@ def test_soft_modes() -> None:
     unit = np.zeros((len(dofs), size))
     unit[np.arange(len(dofs)), dofs] = 1.0
     inverse = body.linear_response(unit.reshape(-1, *body.free.shape)).reshape(-1, size)[:, dofs]
-    expected = np.sort(1 / np.linalg.eigvalsh(inverse))[: len(modes.modes)]
-    found = modes.energies / np.square(modes.modes).sum((1, 2))
-    np.testing.assert_allclose(found, expected, rtol=1e-3)
-    state = driven_body.state(np.zeros(body.free.shape), np.zeros(body.free.shape))
+    expected = np.sort(1 / np.linalg.eigvalsh(inverse))[: len(modes)]
+    found = 1 / np.square(modes).sum((1, 2))
+    np.testing.assert_allclose(found[:3], expected[:3], rtol=1e-3)
+    forces = [(stiffness_product(driven_body, mode) * modes).sum((1, 2)) for mode in modes]
+    np.testing.assert_allclose(forces, np.eye(len(modes)), atol=1e-4)
+    rest = np.zeros(body.free.shape)
+    state = driven_body.state(rest, rest)
     assert state is not None
-    assert state.f is not None
-    assert state.piola is not None
-    assert modes.softening is not None
-    np.testing.assert_allclose(modes.softening.quotients(state.f, state.piola), 1.0)
+    assert driven_body.softest(state, rest) == pytest.approx(1.0)
+    assert driven_body.softened(rest) == pytest.approx(1.0)
+
+
+def stiffness_product(body: DrivenBody, mode: np.ndarray) -> np.ndarray:
+    """K(0) v by a difference of r."""
+    beside = body.state(1e-6 * mode, 0 * mode)
+    assert beside is not None
+    return beside.r / 1e-6
 
 
 def test_no_load() -> None:

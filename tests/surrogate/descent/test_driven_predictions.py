@@ -12,7 +12,7 @@ import torch
 import surrogate
 from shared_schema.common.errors import InputError
 from surrogate.command_line import main
-from surrogate.descent.descent import longest
+from surrogate.descent.driven_body import longest
 from tests.surrogate.inference.test_solve import FINGER_TIP
 
 LOAD = "4,1:0,-1.5"  # at the upper right corner, in N

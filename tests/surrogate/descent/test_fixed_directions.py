@@ -13,7 +13,8 @@ from surrogate.certify.correction import correct
 from surrogate.command_line import main
 from surrogate.data.dataset import Dataset
 from surrogate.descent import DrivenBody
-from surrogate.descent.descent import Directions, longest
+from surrogate.descent.directions import Directions
+from surrogate.descent.driven_body import longest
 from surrogate.descent.fixed_directions import FixedDirections
 from surrogate.inference.export import load_exported
 from surrogate.inference.loading import load

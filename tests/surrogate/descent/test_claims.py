@@ -1,0 +1,108 @@
+"""Tolerances are claimed of stable equilibria alone: loads that soften a body beyond what P knows.
+
+What is claimed is compared with the equilibrium of Newton's method with a line search.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from shared_schema.grid import Grid
+from surrogate.certify.correction import correct
+from surrogate.data.geometry import Geometry
+from surrogate.descent import Aim, Descent, DrivenBody, descend
+from surrogate.descent.driven_body import longest
+from surrogate.mechanics.out_of_balance import Equilibrium
+from tests.surrogate.conftest import box_cells
+from tests.surrogate.mechanics.bodies import MATERIAL
+
+TOLERANCE = 5e-3
+
+
+def grid(size: tuple[float, ...], elements: tuple[int, ...]) -> Geometry:
+    """A box that is clamped at x = 0."""
+    shape = tuple(count + 1 for count in elements)
+    x = np.argwhere(np.ones(shape)) / np.array(elements) * size
+    cells = box_cells(shape)
+    kind = "quad" if len(size) == 2 else "hexahedron"
+    held = x[:, 0] == 0
+    lattice = Grid.from_coordinates(x)
+    return Geometry(x, cells, kind, clamped=held, loadable=~held, grid=lattice)
+
+
+def ring() -> Geometry:
+    """A ring of 1 m radius and 0.15 m thickness, clamped at its lowest eighth."""
+    flat = grid((1.0, 0.15), (48, 2))
+    turn, depth = flat.coordinates.T
+    angle, radius = 2 * np.pi * turn - np.pi / 2, 0.85 + depth
+    x = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+    first, last = np.flatnonzero(turn == 0), np.flatnonzero(turn == 1)
+    cells = flat.cells.copy()
+    for one, other in zip(first, last, strict=True):
+        cells[cells == other] = one
+    kept = np.setdiff1d(np.arange(len(x)), last)
+    place = np.full(len(x), -1)
+    place[kept] = np.arange(len(kept))
+    held = (np.abs(((turn + 0.5) % 1) - 0.5) < 1 / 16)[kept]
+    cells = place[cells]
+    return replace(flat, coordinates=x[kept], cells=cells, clamped=held, loadable=~held)
+
+
+def drawn(geometry: Geometry, seed: int, scale: float, largest: float) -> np.ndarray:
+    """One to three nodal forces, of up to `largest` times `scale`."""
+    rng, force = np.random.default_rng(seed), np.zeros_like(geometry.coordinates)
+    places = np.flatnonzero(~geometry.clamped)
+    some = rng.choice(places, rng.integers(1, 4), replace=False)
+    factor = scale * np.exp(rng.uniform(0, np.log(largest)))
+    force[some] = rng.uniform(-1, 1, (len(some), geometry.dimension)) * factor
+    return force
+
+
+def from_linear_response(body: Equilibrium, force: np.ndarray) -> tuple[np.ndarray, Descent]:
+    predicted = body.linear_response(force[None])[0]
+    return descend(DrivenBody.of(body), force, predicted, Aim(TOLERANCE))
+
+
+def test_directions_that_are_short_beside_the_error() -> None:
+    """Tangents are positive definite; directions alone claimed 0.85 % (ring), 0.52 % (block)."""
+    cases = [(ring(), drawn(ring(), 103, 0.2, 40.0))]
+    block = grid((1.0, 1.0), (6, 6))
+    cases.append((block, drawn(block, 204, 20.0, 3.0)))
+    for geometry, force in cases:
+        body = Equilibrium(geometry, MATERIAL)
+        found, descent = from_linear_response(body, force)
+        assert descent.reached
+        truth = correct(body, force, found).displacement
+        assert longest(found - truth) < 0.1 * TOLERANCE * longest(truth)
+
+
+def test_a_thin_plate_pushed_along_its_edge() -> None:
+    """0.03 N in its plane: it has buckled sideways, the flat state is in equilibrium, and unstable.
+
+    The softest of its modes at rest alone keeps 0.47 of its stiffness by the stresses.
+    """
+    geometry = grid((2.0, 2.0, 0.05), (14, 14, 2))
+    x, y, z = geometry.coordinates.T
+    edge = (y == 0) & (np.abs(x - 10 / 7) < 0.15) | (np.abs(x - 10 / 7) < 0.01) & (y < 0.15)
+    edge &= (y == 0) | (z != 0.025)
+    force = np.zeros_like(geometry.coordinates)
+    force[edge, 0] = -0.0027281043511506995
+    body = Equilibrium(geometry, MATERIAL)
+    found, descent = from_linear_response(body, force)
+    assert edge.sum() == 11
+    assert (descent.reached, descent.stable) == (False, False)
+    assert body.response_at(found) is None
+
+
+def test_a_state_that_is_far_out_of_balance_is_no_small_last_term() -> None:
+    """Series beyond their range may end in a small term, at states that stresses stiffen."""
+    geometry = grid((1.0, 1.0), (6, 6))
+    force = drawn(geometry, 3, 20.0, 3.0)
+    body = Equilibrium(geometry, MATERIAL)
+    wrong = 1.3 * correct(body, force, np.zeros_like(force)).displacement
+    found, descent = descend(DrivenBody.of(body), force, wrong, Aim(TOLERANCE), 0.0)
+    truth = correct(body, force, found).displacement
+    assert descent.directions > 0
+    assert not descent.reached or longest(found - truth) <= TOLERANCE * longest(truth)
