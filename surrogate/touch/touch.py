@@ -29,7 +29,7 @@ from surrogate.certify.correction import Correction
 from surrogate.descent.aim import require_positive
 from surrogate.descent.driven_body import longest
 from surrogate.touch.bend import Bend
-from surrogate.touch.body import BY_FACTORY, Body, Predict, load_beside
+from surrogate.touch.body import Body, Predict, load_beside
 from surrogate.touch.contact_newton import ContactNewton
 from surrogate.touch.defect_correction import ROUGHLY, DefectCorrection
 from surrogate.touch.halved_steps import halved_steps
@@ -95,15 +95,13 @@ class Touch:
     Raises
     ------
     InputError
-        If the body's material is none of the learner's, its elements have points between the
-        nodes, or the tolerance is not positive.
+        If the body's material is none of the learner's, or the tolerance is not positive.
     """
 
     def __init__(
         self, model: Body, tolerance: float = TOLERANCE, corrected: bool | None = None
     ) -> None:
         require_positive("tolerance", tolerance)
-        model.require_nodes_alone("tools", BY_FACTORY)
         geometry, self.tolerance = model.geometry, tolerance
         on_surface = np.asarray(geometry.surface_nodes, np.int64)
         self.surface: Numbers = read_only(on_surface[geometry.free[on_surface].any(axis=1)])

@@ -1,4 +1,4 @@
-"""Elements with points between the nodes: holding, pushing and identifying refuse them."""
+"""Elements with points between the nodes: holding and identifying refuse them."""
 
 from __future__ import annotations
 
@@ -21,8 +21,6 @@ MARKERS = Markers(np.array([[4.0, 1.0]]), np.array([[4.0, 0.9]]))
 ASKED: dict[str, tuple[str, Callable[[Surrogate], object]]] = {
     "held": ("held places", lambda model: model.solve(held=["4,1:-,-0.1"])),
     "grip": ("held places", lambda model: surrogate.Grip(model, ["4,1"])),
-    "tool": ("tools", lambda model: model.solve(tool="sphere:3,1.2:0.3")),
-    "touch": ("tools", lambda model: surrogate.Touch(model)),
     "identify": ("identifications", lambda model: identify(model, MARKERS, ["4,1"])),
 }
 
