@@ -170,7 +170,7 @@ def tool(given: Given, lower: float = 0.0) -> Sphere:
 
 
 Call = Callable[[World, Given], Any]
-OF_MODELS = ["blocks", "driven_body", "equilibrium", "fast_certificate", "fast_estimate"]
+OF_MODELS = ["blocks", "equilibrium", "fast_certificate", "fast_estimate"]
 OF_MODELS += ["has_series", "is_probabilistic", "is_stochastic", "precision", "run", "stressed"]
 OF_GEOMETRIES = ["dimension", "free", "free_mask", "held", "loaded_body", "movable", "no_pressure"]
 OF_GEOMETRIES += ["surface_facets", "surface_nodes", "surfaces", "tip"]
@@ -443,7 +443,7 @@ NO_ARRAYS = {  # given paths and numbers alone, and returning what is in files
     "Intervals.serialised",
     "LearningCurve.plot",
 }
-SHARED = {  # another name of what the caller owns
+SHARED = {  # another name of what the caller owns, or a part of the model
     "Dataset.at_nodes",
     "Dataset.train",
     "Dataset.training",
@@ -452,6 +452,7 @@ SHARED = {  # another name of what the caller owns
     "Solution.std_aleatoric",
     "Solution.std_epistemic",
     "Solution.upper",
+    "Surrogate.driven_body",
 }
 
 
