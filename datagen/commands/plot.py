@@ -1,4 +1,4 @@
-"""datagen plot: draw mesh, supports and some samples of a dataset."""
+"""datagen plot: draw mesh, supports and some samples of a dataset, or a body."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def add_to(commands: Commands) -> None:
     parser = add_command(
         commands,
         "plot",
-        "draw mesh, supports and some samples of a dataset",
+        "draw mesh, supports and some samples of a dataset, or a body",
         "datagen plot data/beam2d/nodal --out beam2d.pdf --samples 0,7",
     )
     add_nodal(parser)
@@ -37,4 +37,5 @@ def run(options: argparse.Namespace) -> None:
     require_suffix(options.out, SUFFIXES)
     require_writable(options.out)
     numbers = plot(options.nodal, options.out, samples=options.samples)
-    print(f"{options.out}: samples {', '.join(str(number) for number in numbers)}")
+    shown = f"samples {', '.join(str(number) for number in numbers)}" if numbers else "the body"
+    print(f"{options.out}: {shown}")

@@ -1,4 +1,4 @@
-"""Figure of a nodal dataset: mesh, supports, loadable nodes, and some deformed samples."""
+"""Figure of a dataset: mesh, supports, loadable nodes, and some deformed samples."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 from matplotlib.lines import Line2D
+from numpy.typing import NDArray
 
+from datagen.output.dataset_body import DatasetBody
 from datagen.output.nodal_samples import NodalSamples, Sample
 from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.drawing.drawing import Drawing
@@ -23,12 +25,17 @@ from shared_schema.common.drawing.figure_style import (
     styled,
 )
 from shared_schema.common.drawing.mesh_drawing import make_drawing
+from shared_schema.common.errors import InputError
 from shared_schema.common.solution_file import require_suffix
+from shared_schema.dataset_reader import DatasetReader
+from shared_schema.manifest import read_manifest
 
+Array = NDArray[np.float64]
 SUFFIXES = (".png", ".svg", ".pdf")
 SHOWN = 4  # number of samples, if none are named
 COLUMNS, PANEL = 2, 3.1  # panels side by side, and the width of one in inches
 AROUND = 0.75  # height in inches of title and labels above and below a panel
+ROUNDING = 1e-12  # of the largest resultant and moment: smaller ones are rounding errors
 HIGHEST = 1.2  # largest height of a panel over its width; a higher body is drawn narrower
 FACE = "#fbefef"  # face colour of a deformed body
 SUPPORT, REST = "black", "0.45"
@@ -44,12 +51,12 @@ CELLS = {
 def plot_dataset(
     nodal: Path | str, out: Path | str, *, samples: str | Sequence[int] | None = None
 ) -> list[int]:
-    """Draw a nodal dataset.
+    """Draw a nodal dataset, or a body without samples.
 
     Parameters
     ----------
     nodal : Path or str
-        Nodal dataset.
+        Nodal dataset, or what `datagen body` writes.
     out : Path or str
         Figure to write, ending in .png, .svg or .pdf.
     samples : str or sequence of int, optional
@@ -59,16 +66,23 @@ def plot_dataset(
     Returns
     -------
     list of int
-        Numbers of the samples shown.
+        Numbers of the samples shown; none of a body.
 
     Raises
     ------
     InputError
-        If there is no intact nodal dataset, or it lacks one of the samples.
+        If there is no intact nodal dataset or body, or it lacks one of the samples.
     """
-    path = Path(out)
+    path, folder = Path(out), Path(nodal)
     require_suffix(path, SUFFIXES)
-    dataset = NodalSamples(Path(nodal))
+    manifest = read_manifest(folder)
+    if manifest.kind == "structured" and not manifest.samples + manifest.failed:
+        if samples is not None:
+            raise InputError(f"--samples '{samples}': {folder} is a body, which has no samples")
+        reader = DatasetReader(folder)
+        save(draw(DatasetBody(reader, reader.body)), path)
+        return []
+    dataset = NodalSamples(folder)
     if samples is None:
         numbers = dataset.evenly_by_displacement(SHOWN)
     else:
@@ -79,7 +93,7 @@ def plot_dataset(
 
 
 @styled
-def draw(dataset: NodalSamples, shown: Sequence[Sample]) -> Figure:
+def draw(dataset: DatasetBody, shown: Sequence[Sample] = ()) -> Figure:
     """Draw the mesh with marked nodes, then each sample over the undeformed mesh, to one scale."""
     figure = make_figure(COLUMNS * (PANEL + 0.5), 1.0)
     rows = -(-len(shown) // COLUMNS)
@@ -96,8 +110,8 @@ def draw(dataset: NodalSamples, shown: Sequence[Sample]) -> Figure:
     extents = np.array([drawing.extent() for drawing in (first, *drawings)])
     lower, upper = extents[:, 0], extents[:, 1]
     left, right = lower[:, 0].min(), upper[:, 0].max()
-    bottom, top = lower[1:, 1].min(), upper[1:, 1].max()
     for drawing in drawings:
+        bottom, top = lower[1:, 1].min(), upper[1:, 1].max()
         drawing.finish((np.array((left, bottom)), np.array((right, top))), labelled=False)
     first.axes.set_xlim(left, right)
     heights = [_height(drawing.axes) for drawing in (first, *drawings[::COLUMNS])]
@@ -107,7 +121,7 @@ def draw(dataset: NodalSamples, shown: Sequence[Sample]) -> Figure:
     return figure
 
 
-def _draw_marks(drawing: Drawing, dataset: NodalSamples) -> None:
+def _draw_marks(drawing: Drawing, dataset: DatasetBody) -> None:
     """Draw the mesh, and mark clamped and loadable nodes."""
     x = dataset.coordinates
     size = 12 if len(x) < 500 else 2
@@ -116,7 +130,7 @@ def _draw_marks(drawing: Drawing, dataset: NodalSamples) -> None:
     drawing.markers(x[dataset.loadable], NETWORK, marker="o", s=size)
 
 
-def _draw_sample(drawing: Drawing, dataset: NodalSamples, sample: Sample) -> None:
+def _draw_sample(drawing: Drawing, dataset: DatasetBody, sample: Sample) -> None:
     """Draw the deformed body with its forces over the undeformed mesh."""
     x = dataset.coordinates + sample.displacement
     drawing.body(x, REFERENCE, FACE, linewidth=_line(dataset))
@@ -126,30 +140,63 @@ def _draw_sample(drawing: Drawing, dataset: NodalSamples, sample: Sample) -> Non
     title = f"sample {sample.number}: displaced by up to {largest:.3g} {dataset.units.length}"
     if not said:
         loads = int(sample.force.any(axis=1).sum())
-        resultant = np.linalg.norm(sample.force.sum(axis=0))
-        title += f"\n{loads} forces, resultant {resultant:.4g} {dataset.units.force}"
+        resultant, moment = resultant_of(sample.force, dataset.coordinates)
+        units = dataset.units
+        title += (
+            f"\n{loads} forces, resultant {resultant:.4g} {units.force}, "
+            f"moment {moment:.4g} {units.force} {units.length}"
+        )
     drawing.axes.set_title(title, fontsize=10)
 
 
-def _draw_key(axes: Axes, dataset: NodalSamples) -> None:
+def resultant_of(force: Array, coordinates: Array) -> tuple[float, float]:
+    """Magnitudes of the resultant in N, and in N m of the moment about the mean of the nodes.
+
+    What is a rounding error of the largest one that such forces can have is 0.
+
+    Parameters
+    ----------
+    force, coordinates : array, (n_nodes, d)
+        In N and m.
+    """
+    arms = coordinates - coordinates.mean(axis=0)
+    total = np.linalg.norm(force.sum(axis=0))
+    moment = np.linalg.norm(np.cross(*(_in_space(a) for a in (arms, force))).sum(axis=0))
+    sizes = np.linalg.norm(force, axis=1)
+    most = np.array([sizes.sum(), sizes @ np.linalg.norm(arms, axis=1)])
+    found = np.array([total, moment])
+    resultant, about = np.where(found > ROUNDING * most, found, 0.0)
+    return float(resultant), float(about)
+
+
+def _in_space(vectors: Array) -> Array:
+    """Vectors of the plane or of space, (n, d) → (n, 3)."""
+    return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
+
+
+def _draw_key(axes: Axes, dataset: DatasetBody) -> None:
     """Draw the legend, in the place beside the mesh."""
     axes.set_axis_off()
     manifest = dataset.manifest
+    samples = f"{manifest.samples} samples" if manifest.samples else "body without samples"
     title = (
-        f"{manifest.name}: {manifest.samples} samples\n"
+        f"{manifest.name}: {samples}\n"
         f"{len(dataset.coordinates)} nodes, {len(dataset.cells)} {CELLS[dataset.cell_type]}"
     )
     size = 4.0
     handles = [
         Line2D([], [], color=SUPPORT, ls="", marker="s", ms=size, mew=0, label="clamped node"),
         Line2D([], [], color=NETWORK, ls="", marker="o", ms=size, mew=0, label="loadable node"),
-        Line2D([], [], color=REST, lw=0.8, ls="dashed", label="undeformed"),
-        Line2D([], [], color=REFERENCE, lw=1.0, label="deformed, in equilibrium"),
     ]
+    if manifest.samples:
+        handles += [
+            Line2D([], [], color=REST, lw=0.8, ls="dashed", label="undeformed"),
+            Line2D([], [], color=REFERENCE, lw=1.0, label="deformed, in equilibrium"),
+        ]
     axes.legend(handles=handles, loc="center left", title=title, alignment="left")
 
 
-def _line(dataset: NodalSamples) -> float:
+def _line(dataset: DatasetBody) -> float:
     """Line width in points, thin enough to leave space between the lines."""
     return float(np.clip(7.0 / np.sqrt(len(dataset.cells)), 0.25, 0.7))
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from datagen.output.dataset_body import DatasetBody
 from shared_schema.common.errors import InputError
-from shared_schema.common.keys.units import Units
 from shared_schema.common.nodal_forces import scatter_forces
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.manifest import ShardEntry
@@ -37,8 +37,8 @@ class Sample:
     pressures: NDArray[np.float64]
 
 
-class NodalSamples:
-    """The samples of a nodal dataset; one shard at a time is in memory.
+class NodalSamples(DatasetBody):
+    """The body and the samples of a nodal dataset; one shard at a time is in memory.
 
     Parameters
     ----------
@@ -46,15 +46,6 @@ class NodalSamples:
 
     Attributes
     ----------
-    manifest : Manifest
-    units : Units
-        Labels of the units of the case.
-    coordinates : array, (n_nodes, d)
-        In m.
-    cells : array of int, (n_cells, n_corners)
-    cell_type : str
-        meshio's name.
-    clamped, loadable : array of bool, (n_nodes,)
     held : array of bool, (n_nodes, d)
         Components of displacement that supports hold.
     parts : array of int, (n_cells,), or None
@@ -74,9 +65,7 @@ class NodalSamples:
 
     def __init__(self, folder: Path) -> None:
         self._reader = DatasetReader(folder, "nodal")
-        self.manifest = self._reader.manifest
-        self.units = Units.of_case(self.manifest.case)
-        if self.manifest.samples == 0:
+        if self._reader.manifest.samples == 0:
             raise InputError(f"{folder}: no solved sample, expected 1 at least")
         self._entry_of: dict[int, ShardEntry] = {}
         largest: dict[int, float] = {}
@@ -88,11 +77,7 @@ class NodalSamples:
             largest |= dict(zip(numbers, moved.tolist(), strict=True))
         self.numbers = np.array(sorted(largest))
         self.largest = np.array([largest[number] for number in sorted(largest)])
-        self.coordinates: NDArray[np.float64] = self._arrays["mesh/coordinates"]
-        self.cells: NDArray[np.int64] = self._arrays["mesh/cells"]
-        self.clamped: NDArray[np.bool_] = self._arrays["mesh/clamped"]
-        self.loadable: NDArray[np.bool_] = self._arrays["mesh/loadable"]
-        self.cell_type = self._reader.cell_type
+        super().__init__(self._reader, self._arrays)
         single = self._arrays.get("mesh/held")
         whole = np.repeat(self.clamped[:, None], self.coordinates.shape[1], axis=1)
         self.held: NDArray[np.bool_] = whole if single is None else single

@@ -287,7 +287,7 @@ def stiffness_at_rest(model: Body, held: NDArray[np.bool_]) -> Array:
 def _texts(held: Held, dimension: int) -> list[str]:
     """The notation of ``--hold``; InputError if nothing is held."""
     if isinstance(held, Mapping):
-        parts = {place: ["-" if v is None else repr(v) for v in u] for place, u in held.items()}
+        parts = {place: ["-" if v is None else str(v) for v in u] for place, u in held.items()}
         texts = [f"{place}:{','.join(values)}" for place, values in parts.items()]
     else:
         require_type("held", held, Sequence[str])

@@ -12,8 +12,10 @@ from mpi4py import MPI
 from datagen.cases.case import read_case
 from datagen.command_line import main
 from datagen.farm.farm import run
-from datagen.output.dataset_figure import draw
+from datagen.output.dataset_body import DatasetBody
+from datagen.output.dataset_figure import draw, resultant_of
 from datagen.output.nodal_samples import NodalSamples
+from shared_schema.dataset_reader import DatasetReader
 from shared_schema.shard import read_shard
 from tests.datagen.refusal import refusal
 
@@ -139,3 +141,29 @@ def test_structured_dataset(beam: Path, tmp_path: Path, capsys: pytest.CaptureFi
         assert main(command) == 2
         assert "a structured dataset, expected a nodal one" in capsys.readouterr().err
     assert not out.exists()
+
+
+def test_body_without_samples(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    body, out = tmp_path / "body", tmp_path / "body.png"
+    assert main(["body", "beam2d", "--out", str(body)]) == 0
+    capsys.readouterr()
+    assert main(["plot", str(body), "--out", str(out)]) == 0
+    assert capsys.readouterr().out == f"{out}: the body\n"
+    assert out.read_bytes().startswith(STARTS["png"])
+    reader = DatasetReader(body)
+    mesh, key = draw(DatasetBody(reader, reader.body)).axes
+    assert [len(np.asarray(marks.get_offsets())) for marks in mesh.collections[1:]] == [4, 15]
+    assert key.get_legend().get_title().get_text().startswith("beam2d: body without samples\n64 ")
+    assert main(["plot", str(body), "--out", str(out), "--samples", "1"]) == 2
+    assert "is a body, which has no samples" in capsys.readouterr().err
+
+
+def test_resultant_and_moment() -> None:
+    """A couple of 3 N at a distance of 0.2 m; with a third force, about the mean of the nodes."""
+    x = np.array([[0.0, 0.1], [0.0, -0.1], [0.3, 0.0], [-0.3, 0.0]])
+    force = np.array([[3.0, 0.0], [-3.0, 0.0], [0.0, 0.0], [0.0, 0.0]])
+    assert resultant_of(force, x) == (0.0, pytest.approx(0.6))
+    force[2] = (0.0, 4.0)
+    assert resultant_of(force, x) == (pytest.approx(4.0), pytest.approx(abs(4.0 * 0.3 - 0.6)))
+    space = np.pad(x, ((0, 0), (0, 1))), np.pad(force, ((0, 0), (0, 1)))
+    assert resultant_of(space[1], space[0]) == resultant_of(force, x)
