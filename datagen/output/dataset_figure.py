@@ -161,7 +161,7 @@ def resultant_of(force: Array, coordinates: Array) -> tuple[float, float]:
     """
     arms = coordinates - coordinates.mean(axis=0)
     total = np.linalg.norm(force.sum(axis=0))
-    moment = np.linalg.norm(np.cross(*(_in_space(a) for a in (arms, force))).sum(axis=0))
+    moment = np.linalg.norm(np.cross(_in_space(arms), _in_space(force)).sum(axis=0))
     sizes = np.linalg.norm(force, axis=1)
     most = np.array([sizes.sum(), sizes @ np.linalg.norm(arms, axis=1)])
     found = np.array([total, moment])

@@ -13,7 +13,7 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-from tools.fuzz.material import COMMANDS, Material, digests
+from tools.fuzz.material import COMMANDS, DONE, Material, digests
 from tools.fuzz.mutations import change_file, change_text, change_words
 
 PROGRESS = (" samples, ", " epochs, ")  # of a command that works for a long time
@@ -59,7 +59,7 @@ def damage(random: Random, material: Material, folder: Path) -> Outcome:
     changed = f"{change_file(random, path)} in {path.parent.relative_to(folder)}"
     answer = material.execute(name, list(COMMANDS[name].words), folder)
     finding = judged(answer)
-    if not finding and answer["code"] == 0:
+    if not finding and answer["code"] in DONE:
         damaged = str(path.relative_to(folder))
         if name.startswith("check"):
             finding = "damage is called intact"
@@ -97,11 +97,11 @@ def kill(random: Random, material: Material, folder: Path) -> Outcome:
     material.lay_out(name, folder)
     words, moment = list(COMMANDS[name].words), random.uniform(0, material.seconds[name])
     first = material.execute(name, words, folder, kill_after=moment)
-    if first["ended"] == "itself" and (judged(first) or first["code"] != 0):
+    if first["ended"] == "itself" and (judged(first) or first["code"] not in DONE):
         return outcome(name, "none", first, judged(first) or "fails on undamaged input")
     answer = material.execute(name, words, folder)
     finding = judged(answer)
-    if not finding and answer["code"] != 0:
+    if not finding and answer["code"] not in DONE:
         finding = "does not go on after a kill"
     if not finding:
         finding = difference(name, material, folder, answer)

@@ -27,6 +27,7 @@ Digests = dict[str, str]
 TIMES = "wall_time"  # HDF5 datasets that differ from run to run
 SOLVER = "manifest.json.solver."  # measured as well; a manifest made again from its shards lacks it
 LOAD = ("--load", "4,1:0,-1")
+DONE = (0, 3)  # 3: the network of a few samples is not certified
 UNREADABLE = (OSError, ValueError, EOFError, KeyError, RuntimeError, BadZipFile)
 
 
@@ -179,7 +180,7 @@ class Material:
             for attempt in ("one", "two"):
                 folder = self.lay_out(name, scratch / attempt)
                 answer = self.execute(name, list(command.words), folder, limit=600.0)
-                if answer["code"] != 0:
+                if answer["code"] not in DONE:
                     raise RuntimeError(f"{name} on undamaged input: {answer}")
                 found.append(digests(folder) | {"stdout": answer["stdout"]})
                 self.seconds[name] = answer["seconds"]
