@@ -55,8 +55,8 @@ def drawn(geometry: Geometry, seed: int, scale: float, largest: float) -> np.nda
     rng, force = np.random.default_rng(seed), np.zeros_like(geometry.coordinates)
     places = np.flatnonzero(~geometry.clamped)
     some = rng.choice(places, rng.integers(1, 4), replace=False)
-    factor = scale * np.exp(rng.uniform(0, np.log(largest)))
-    force[some] = rng.uniform(-1, 1, (len(some), geometry.dimension)) * factor
+    forces = rng.uniform(-1, 1, (len(some), geometry.dimension)) * scale
+    force[some] = forces * np.exp(rng.uniform(0, np.log(largest)))
     return force
 
 
