@@ -234,7 +234,7 @@ class TrainedBody:
         ----------
         displacement : array, (n_nodes, d) or (N, n_nodes, d)
             In m.
-        forces : array, (n_nodes or n_points, d) or (N, *), optional
+        forces : array, (n_nodes or n_points, d) or with N before, optional
             Loads in N, as of `Surrogate.certify`. They matter to elements with points between the
             nodes alone, which move under the forces there; none by default.
         pressure : array, (n_surfaces,) or (N, n_surfaces), optional
@@ -272,7 +272,7 @@ class TrainedBody:
         pushed : array of the same shape, optional
             Forces in N of pressures on the deformed body, with n_points rows on elements with
             points between the nodes; none by default.
-        forces : array, (n_nodes or n_points, d) or (N, *), optional
+        forces : array, (n_nodes or n_points, d) or with N before, optional
             Dead loads in N, which matter as to `stresses`; none by default.
 
         Raises

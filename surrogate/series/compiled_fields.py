@@ -3,15 +3,19 @@
 On small bodies NumPy and PyTorch spend most of the time between their sums, on large ones they read
 and write every field once an operation. The compiled functions add to fields in place. They are
 compiled at their first call, which takes up to 20 s once for an installation: the results are
-kept beside the code, or else in the user's cache.
+kept beside the code, or else in the user's cache. One process at a time writes there: Numba reads
+the list of what is kept, adds to it and replaces it, so that of two processes that do it at the
+same time one would later find the other's code under its own name.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numpy as np
+from filelock import FileLock
 from numba import njit
 from numpy.typing import NDArray
 
@@ -23,10 +27,23 @@ SUMS = {"reassoc", "contract", "arcp", "nsz"}  # in any order; infinite numbers 
 def compiled(function: Function) -> Function:
     """Compile a function of numbers and arrays at its first call; other threads go on meanwhile."""
     try:
-        made = njit(function, cache=True, nogil=True, fastmath=SUMS, error_model="numpy")
+        made: Any = njit(function, cache=True, nogil=True, fastmath=SUMS, error_model="numpy")
     except RuntimeError:  # no folder can be written
         made = njit(function, nogil=True, fastmath=SUMS, error_model="numpy")
+    else:
+        _save_one_at_a_time(made._cache)
     return cast(Function, made)
+
+
+def _save_one_at_a_time(kept: Any) -> None:
+    """Let other processes wait while this one adds to what Numba keeps of a function."""
+    save, lock = kept.save_overload, FileLock(Path(kept.cache_path) / "compiled.lock")
+
+    def save_alone(signature: object, result: object) -> None:
+        with lock:
+            save(signature, result)
+
+    kept.save_overload = save_alone
 
 
 @compiled

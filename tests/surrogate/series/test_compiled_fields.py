@@ -1,0 +1,73 @@
+"""Functions that two processes compile at the same time are kept one beside the other."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+FUNCTIONS = """
+from surrogate.series.compiled_fields import compiled
+
+def times(factor):
+    @compiled
+    def product(x):
+        return factor * x
+    return product
+"""
+COMPILES = """
+import sys, time
+from numba.core.caching import IndexDataCacheFile
+from kept import times
+
+factor, *pauses = map(float, sys.argv[1:])
+
+def with_pauses(save, before, after):
+    def paused(self, *what):
+        time.sleep(before)
+        save(self, *what)
+        time.sleep(after)
+    return paused
+
+IndexDataCacheFile._save_index = with_pauses(IndexDataCacheFile._save_index, *pauses)
+product = times(factor)
+print("ready", flush=True)
+sys.stdin.readline()
+product(1.0)
+"""
+PAUSES = {"3": ("2", "3"), "5": ("3", "0")}  # before and after the list is replaced, in s
+
+
+@pytest.mark.slow
+def test_two_processes_compile_at_once(tmp_path: Path) -> None:
+    """Both read the list before either replaces it, and one writes its code last of all."""
+    (tmp_path / "kept.py").write_text(FUNCTIONS)
+    path = os.pathsep.join([str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])])
+    environment = os.environ | {"PYTHONPATH": path, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    command = [sys.executable, "-c"]
+    at_once = [
+        subprocess.Popen(
+            [*command, COMPILES, factor, *pauses],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env=environment,
+            text=True,
+        )
+        for factor, pauses in PAUSES.items()
+    ]
+    for process in at_once:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "ready\n"
+    for process in at_once:
+        assert process.stdin is not None
+        process.stdin.write("\n")
+        process.stdin.flush()
+    assert [process.wait() for process in at_once] == [0, 0]
+    reads = "from kept import times; print(times(3.0)(1.0), times(5.0)(1.0))"
+    found = subprocess.run(
+        [*command, reads], env=environment, capture_output=True, text=True, check=True
+    )
+    assert found.stdout.split() == ["3.0", "5.0"]
