@@ -42,8 +42,8 @@ def test_page_of_a_series_predicts_what_the_program_does(
 ) -> None:
     """Terms, coefficients of the least energy, and directions, under a small and a large load.
 
-    Directions of the page end once they are short, those of the program once they are trusted: under
-    the large load both are within the tolerance of the equilibrium.
+    Directions of the page end once they are short, those of the program once they are trusted:
+    under the large load both are within the tolerance of the equilibrium.
     """
     data = dataset_3d
     if simplices:
