@@ -42,7 +42,17 @@ from surrogate.data import read_dataset
 
 CPU = torch.device("cpu")
 IMPORTED = {"pyyaml": "yaml", "scikit-learn": "sklearn"}
-THERE = ("torch", "numpy", "scipy", "numba", "sklearn", "matplotlib", "pytest")  # docs/gpu.md
+OF_TORCH = ("filelock",)  # which PyTorch brings with it
+THERE = (
+    "torch",
+    *OF_TORCH,
+    "numpy",
+    "scipy",
+    "numba",
+    "sklearn",
+    "matplotlib",
+    "pytest",
+)  # docs/gpu.md
 
 
 @pytest.fixture(scope="module")
