@@ -37,10 +37,10 @@ def compiled(function: Function) -> Function:
 
 def _save_one_at_a_time(kept: Any) -> None:
     """Let other processes wait while this one adds to what Numba keeps of a function."""
-    save, lock = kept.save_overload, FileLock(Path(kept.cache_path) / "compiled.lock")
+    save, file = kept.save_overload, Path(kept.cache_path) / "compiled.lock"
 
     def save_alone(signature: object, result: object) -> None:
-        with lock:
+        with FileLock(file):  # one of its own: a process that was forked may not use its parent's
             save(signature, result)
 
     kept.save_overload = save_alone

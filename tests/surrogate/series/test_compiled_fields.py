@@ -71,3 +71,28 @@ def test_two_processes_compile_at_once(tmp_path: Path) -> None:
         [*command, reads], env=environment, capture_output=True, text=True, check=True
     )
     assert found.stdout.split() == ["3.0", "5.0"]
+
+
+FORKS = """
+import os
+from kept import times
+
+product = times(3.0)
+child = os.fork()
+if child == 0:
+    product(1.0)
+    os._exit(0)
+_, status = os.waitpid(child, 0)
+print(os.waitstatus_to_exitcode(status), product(1.0))
+"""
+
+
+def test_a_forked_process_compiles(tmp_path: Path) -> None:
+    """A process that is forked after the import keeps what it compiles, as its parent does."""
+    (tmp_path / "kept.py").write_text(FUNCTIONS)
+    path = os.pathsep.join([str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])])
+    environment = os.environ | {"PYTHONPATH": path, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    found = subprocess.run(
+        [sys.executable, "-c", FORKS], env=environment, capture_output=True, text=True, check=True
+    )
+    assert found.stdout.split() == ["0", "3.0"]
