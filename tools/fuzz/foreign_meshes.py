@@ -94,8 +94,8 @@ def as_gmsh(x: np.ndarray, cells: np.ndarray, random: Random, kind: str) -> str:
         numbers[-1] = numbers[-2]
     lines = [f"{number} {text}" for number, text in zip(numbers, elements, strict=True)]
     if kind == "a cell in two groups":
-        again = lines[-1].split()
-        lines.append(" ".join([*again[:3], "3", *again[4:]]))
+        again = lines[-1].split()  # gmsh gives it another number
+        lines.append(" ".join([str(len(lines) + 1), *again[1:3], "3", *again[4:]]))
     names = ['1 1 "wall"', '2 2 "plate"', '2 3 "part"']
     places = [f"{n} {' '.join(map(repr, p))}" for n, p in zip(nodes, x.tolist(), strict=True)]
     sections = {"PhysicalNames": names, "Nodes": places, "Elements": lines}
