@@ -36,7 +36,7 @@ from shared_schema.common.errors import InputError, WorkError
 from shared_schema.common.keys.units import SI, Units
 from shared_schema.common.progress import LoadProgress
 from shared_schema.common.solution_file import write_solution
-from shared_schema.material import Volumetric
+from shared_schema.materials import Volumetric
 from shared_schema.tools import Contact, Tool, parse_tool
 
 if TYPE_CHECKING:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
         read_manifest,
         write_manifest,
     )
-    from shared_schema.material import NeoHookean
+    from shared_schema.materials import NeoHookean, OwnMaterial
     from shared_schema.points_in_cells import locate
     from shared_schema.shard import read_shard, write_shard
     from shared_schema.stiffness import Stiffness, read_stiffness, write_stiffness
@@ -42,6 +42,7 @@ __all__ = [
     "Manifest",
     "NeoHookean",
     "NodeOrder",
+    "OwnMaterial",
     "ShardEntry",
     "Stiffness",
     "StructuredInfo",

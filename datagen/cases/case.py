@@ -23,7 +23,7 @@ from shared_schema.common.errors import InputError
 from shared_schema.common.keys.units import SI, Units
 from shared_schema.load_cases import read_load_cases
 from shared_schema.manifest import digest_of
-from shared_schema.material import Material, Volumetric
+from shared_schema.materials import Material, Volumetric
 
 SHIPPED = Path(__file__).parents[1] / "configs"
 

@@ -8,9 +8,9 @@ from typing import Any
 from datagen.cases.case import Case
 from datagen.loads.family import SHIPPED, LoadFamily
 from datagen.materials import OwnMaterial
-from shared_schema import material
 from shared_schema.common.keys.json_schema import DIALECT, Schema, json_schemas
 from shared_schema.common.keys.key_list import Key, keys_of
+from shared_schema.materials import SHIPPED as SHIPPED_MATERIALS
 
 TITLE = "Case of datagen"
 OWN_CLASS = "FILE.py:ClassName"
@@ -23,13 +23,13 @@ def case_schema() -> Schema:
     of a user's own class are not known, so that any are allowed.
     """
     families = [_family(place) for place in SHIPPED.values()]
-    models = list(material.SHIPPED.values())
+    models = list(SHIPPED_MATERIALS.values())
     (case, *parts), definitions = json_schemas([Case, *families, LoadFamily, *models, OwnMaterial])
     content: dict[str, Any] = definitions.pop(_name(case))
     count = len(families) + 1
     for section, tag, references, names in (
         ("load", "family", parts[:count], SHIPPED),
-        ("material", "model", parts[count:], material.SHIPPED),
+        ("material", "model", parts[count:], SHIPPED_MATERIALS),
     ):
         for name, reference in zip([*names, OWN_CLASS], references, strict=True):
             definition = definitions[_name(reference)]

@@ -21,7 +21,7 @@ from shared_schema.common.bodies.cells import boundary_facets
 from shared_schema.common.bodies.groups import group_arrays
 from shared_schema.common.bodies.quadratic.points_between import PointsBetween
 from shared_schema.common.errors import InputError
-from shared_schema.material import ShippedMaterial, ratio_at_rest
+from shared_schema.materials import ratio_at_rest
 
 
 @dataclass(frozen=True)
@@ -71,8 +71,7 @@ class PlacedBody:
 
     def warning(self) -> str | None:
         """What the numbers of this body are not good for, if there is something."""
-        shipped = [m for m in self.case.materials if isinstance(m, ShippedMaterial)]
-        ratio = max((ratio_at_rest(material) for material in shipped), default=0.0)
+        ratio = max(ratio_at_rest(material) for material in self.case.materials)
         return locking_warning(self.case.element, self.mesh.cell_type, ratio)
 
     def shard_arrays(self) -> dict[str, Any]:

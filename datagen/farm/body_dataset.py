@@ -32,7 +32,7 @@ from shared_schema.manifest import (
     read_manifest,
     write_manifest,
 )
-from shared_schema.material import Volumetric
+from shared_schema.materials import Volumetric
 from shared_schema.shard import write_shard
 
 logger = logging.getLogger(__name__)

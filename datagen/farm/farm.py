@@ -34,7 +34,7 @@ from shared_schema.common.memory import largest_resident, require_memory
 from shared_schema.common.progress import Progress
 from shared_schema.layout import Arrays
 from shared_schema.manifest import Manifest, ShardEntry, SolverRecord, write_manifest
-from shared_schema.material import Volumetric
+from shared_schema.materials import Volumetric
 from shared_schema.shard import read_attributes, read_shard, write_shard
 from shared_schema.stiffness import write_stiffness
 

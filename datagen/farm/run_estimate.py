@@ -23,7 +23,7 @@ from datagen.mesh.raw_mesh import RawMesh
 from datagen.output.undeformed_stiffness import stiffness_of
 from datagen.ranks import RankGroup
 from shared_schema.common.arguments.checked_arguments import checked_arguments
-from shared_schema.material import Volumetric
+from shared_schema.materials import Volumetric
 
 logger = logging.getLogger(__name__)
 SECONDS = 10.0  # of solving, if the samples are fast

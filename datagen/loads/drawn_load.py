@@ -14,10 +14,10 @@ from typing import Any, TypeVar
 import numpy as np
 
 from datagen.loads.family import LoadableNodes, LoadCase, LoadFamily
-from datagen.own_class import described, source_of
 from datagen.quantities import LARGEST_LENGTH, LARGEST_MAGNITUDE
 from shared_schema.common.errors import InputError
 from shared_schema.common.nodal_forces import sum_per_node
+from shared_schema.own_class import described, source_of
 from shared_schema.tools import Sphere
 
 Result = TypeVar("Result")

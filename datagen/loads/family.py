@@ -22,11 +22,11 @@ from pydantic import (
 )
 
 from datagen.mesh.regions import Region
-from datagen.own_class import import_named
 from datagen.quantities import Magnitude
 from shared_schema.common.bodies.cells import outward_facets
 from shared_schema.common.bodies.quadratic.points_between import PointsBetween
 from shared_schema.common.configuration import Frozen, absent, first_problem
+from shared_schema.own_class import import_named
 from shared_schema.tools import Sphere
 
 SHIPPED = {

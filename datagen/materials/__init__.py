@@ -1,6 +1,5 @@
-"""Materials of a case: the shipped ones, and a user's own strain energy W(F)."""
+"""Materials of a case: the shipped ones, and a user's own strain energy."""
 
-from datagen.materials.own_material import OwnMaterial
-from datagen.materials.reading import material_of
+from shared_schema.materials import OwnMaterial, material_of
 
 __all__ = ["OwnMaterial", "material_of"]

@@ -28,7 +28,7 @@ from datagen.solver.strain_energy import completed, deformation_gradient, energy
 from datagen.solver.weak_form import cell_volumes, kernels_of
 from shared_schema.common.bodies.force_tolerance import mean_edge
 from shared_schema.common.bodies.stress_fields import stress_fields
-from shared_schema.material import Material
+from shared_schema.materials import Material
 
 Array = NDArray[np.float64]
 

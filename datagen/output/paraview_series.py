@@ -29,7 +29,7 @@ from shared_schema.common.atomic_file import PARTIAL, complete_or_absent
 from shared_schema.common.errors import InputError
 from shared_schema.common.progress import Progress
 from shared_schema.common.solution_file import flat, in_space, require_suffix, write_solution
-from shared_schema.material import as_tuple, materials_of
+from shared_schema.materials import as_tuple, materials_of
 
 SUFFIXES = (".xdmf", ".pvd")
 FIRST = 100  # number of samples, if no range is given

@@ -14,7 +14,7 @@ from datagen.mesh.distributed_mesh import distributed
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.settings import SolverSettings
-from shared_schema.material import Material
+from shared_schema.materials import Material
 from shared_schema.stiffness import Stiffness
 
 

@@ -32,7 +32,7 @@ from shared_schema.manifest import (
     digest_of,
     write_manifest,
 )
-from shared_schema.material import materials_of
+from shared_schema.materials import materials_of
 from shared_schema.shard import write_shard
 
 CELLS = {element: cell for cell, element in ELEMENTS.items()}

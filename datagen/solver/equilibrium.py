@@ -35,8 +35,6 @@ from petsc4py import PETSc
 from datagen.discretisation.element import Element, element_kind
 from datagen.discretisation.unknowns import Unknowns
 from datagen.dolfinx_versions import create_vector
-from datagen.materials import OwnMaterial
-from datagen.materials.elasticity_at_rest import require_elastic, require_no_stress
 from datagen.mesh.distributed_mesh import Mesh
 from datagen.solver.acting_load import ActingLoad
 from datagen.solver.assembly import DistributedAssembly, SerialAssembly
@@ -50,7 +48,7 @@ from datagen.solver.settings import SolverSettings
 from datagen.solver.supports import Supports
 from datagen.solver.weak_form import weak_form
 from shared_schema.common.bodies.force_tolerance import ForceTolerance, mean_edge
-from shared_schema.material import Material
+from shared_schema.materials import Material
 
 INVERTED = "inverted element (J <= 0)"
 LINEAR_LOADS = 1e6  # loads below so many times the rounding errors of the residual at rest
@@ -135,10 +133,6 @@ class EquilibriumProblem:
     ) -> None:
         self.mesh, self.comm = mesh, mesh.domain.comm
         self.dimension = mesh.coordinates.shape[1]
-        materials = (material,) if isinstance(material, Material) else material
-        own = [each for each in materials if isinstance(each, OwnMaterial)]
-        for each in own:
-            require_elastic(each, self.dimension)
         self.kind = element_kind(element, mesh.cell_type)
         self.unknowns = Unknowns(mesh, self.kind)
         self.numbering, self.u = self.unknowns.numbering, self.unknowns.state
@@ -184,10 +178,6 @@ class EquilibriumProblem:
         self.series: LoadSeries | None = None
         if self.corotation is not None:
             self.series = LoadSeries(self, self.corotation.solver_at_rest(), size)
-        if own:
-            self.reset()
-            forces, largest = self.reactions(), PETSc.NormType.NORM_INFINITY
-            require_no_stress(forces, self.tangent().norm(largest), mesh.coordinates)
 
     @property
     def size(self) -> int:

@@ -9,7 +9,7 @@ parameters in Pa are
 
 .. math:: \lambda = \frac{E\nu}{(1+\nu)(1-2\nu)}, \qquad \mu = \frac{E}{2(1+\nu)}.
 
-The volumetric term U(J), `paper` or `quadratic`, is one of `shared_schema.material`. In two
+The volumetric term U(J), `paper` or `quadratic`, is one of `shared_schema.materials`. In two
 dimensions the state is plane strain: F is completed by :math:`F_{33} = 1`, so that
 :math:`I_c = \operatorname{tr}(F^T F) + 1` and J is the determinant of the in-plane part.
 """
@@ -22,18 +22,32 @@ import dolfinx
 import ufl
 from petsc4py import PETSc
 
-from datagen.materials import OwnMaterial
-from datagen.materials.elasticity_at_rest import stiffness_at_rest
-from datagen.materials.own_energy import own_energy
-from shared_schema.material import (
+from shared_schema.materials import (
     VOLUMETRIC_TERMS,
+    Invariants,
     Material,
     NeoHookean,
-    ShippedMaterial,
+    Scalar,
     Volumetric,
 )
 
 Expression = Any  # a UFL expression; ufl has no types
+
+
+class _OfUfl:
+    """The functions that an energy may use, of UFL expressions."""
+
+    def ln(self, x: Scalar, /) -> Expression:
+        return ufl.ln(x)
+
+    def exp(self, x: Scalar, /) -> Expression:
+        return ufl.exp(x)
+
+    def positive(self, x: Scalar, /) -> Expression:
+        return ufl.conditional(ufl.gt(x, 0.0), x, 0.0)
+
+
+UFL = _OfUfl()
 
 
 def deformation_gradient(u: Expression) -> Expression:
@@ -74,7 +88,7 @@ def energy_density(
 ) -> Expression:
     """Strain energy density W(F) of any material in J/m³; with a dilation θ, W((θ/J)^(1/d) F).
 
-    The moduli of shipped materials are constants of the form, so that two bodies of one model share
+    The moduli of a material are constants of the form, so that two bodies of one model share
     the compiled code.
 
     Parameters
@@ -86,16 +100,9 @@ def energy_density(
     dilation : UFL scalar, optional
         θ, which takes the place of J (`element.py`).
 
-    Raises
-    ------
-    InputError
-        If the method `energy` of a user's own material raises an error or gives no scalar.
     """
     d, j = f.ufl_shape[0], ufl.det(f)
     squared = 1.0 if dilation is None else (dilation / j) ** (2 / d)
-    if isinstance(material, OwnMaterial):
-        return own_energy(completed(f if dilation is None else squared**0.5 * f), material)
-    assert isinstance(material, ShippedMaterial)
     if isinstance(material, NeoHookean) and dilation is None:
         lam = _constant(material.lame_lambda, domain)
         mu = _constant(material.lame_mu, domain)
@@ -106,15 +113,12 @@ def energy_density(
     i1 = squared * ufl.tr(c) + out_of_plane
     i2 = (i1**2 - squared**2 * ufl.tr(c * c) - out_of_plane) / 2
     scaled = material.model_copy(update=numbers)
-    return scaled.energy(i1, i2, j if dilation is None else dilation, ufl.ln)
+    return scaled.energy(Invariants(i1, i2, j if dilation is None else dilation), UFL)
 
 
 def longitudinal_modulus(material: Material) -> float:
     """λ + 2μ = ∂²W/∂F₁₁² at rest in Pa."""
-    if isinstance(material, ShippedMaterial):
-        return material.lame_lambda + 2 * material.lame_mu
-    assert isinstance(material, OwnMaterial)
-    return float(stiffness_at_rest(material, 3)[0, 0])
+    return material.lame_lambda + 2 * material.lame_mu
 
 
 def _constant(value: float, domain: Any) -> Expression:

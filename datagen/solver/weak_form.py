@@ -44,7 +44,7 @@ from datagen.dolfinx_versions import (
     pack_constants,
 )
 from datagen.solver.strain_energy import deformation_gradient, energy_density, longitudinal_modulus
-from shared_schema.material import Material, ShippedMaterial
+from shared_schema.materials import Material
 
 
 @dataclass(frozen=True)
@@ -139,10 +139,6 @@ def weak_form(
     parts : array of int, (n_local_cells,), optional
         Position of each cell's material in the sequence.
 
-    Raises
-    ------
-    InputError
-        If the energy of a user's own material is none.
     """
     state = unknowns.state
     domain = state.function_space.mesh
@@ -199,9 +195,7 @@ def weak_form(
 
 
 def of_one_model(materials: Sequence[Material]) -> bool:
-    """True for shipped materials that differ in their moduli alone, numbers that are not whole."""
-    if not all(isinstance(each, ShippedMaterial) for each in materials):
-        return False
+    """True for materials that differ in their moduli alone, numbers that are not whole."""
     kinds = {
         (type(each), *((k, v) for k, v in each if not isinstance(v, float) and k != "group"))
         for each in materials

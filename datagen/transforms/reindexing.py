@@ -43,7 +43,7 @@ from shared_schema.manifest import (
     read_manifest,
     write_manifest,
 )
-from shared_schema.material import materials_of
+from shared_schema.materials import materials_of
 from shared_schema.shard import write_shard
 from shared_schema.stiffness import Stiffness, read_stiffness, write_stiffness
 

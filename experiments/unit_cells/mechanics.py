@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from experiments.unit_cells.unit_cell import Prediction, UnitCell
 from shared_schema import Grid, NeoHookean
+from shared_schema.materials import ARRAYS, Invariants
 from surrogate.data import Geometry
 from surrogate.mechanics import Equilibrium
 
@@ -54,7 +55,7 @@ class SolidCell:
         p = solid.first_piola(displacement)[:, :, :, 0, 0].numpy()
         j = f[0, 0] * f[1, 1] - f[0, 1] * f[1, 0]
         trace = np.square(f).sum((0, 1))  # of C in the plane
-        psi = self.material.energy(trace + 1, trace + j**2, j, np.log)
+        psi = self.material.energy(Invariants(trace + 1, trace + j**2, j), ARRAYS)
         values = self.cell.at_nodes(np.stack([*p[0], p[1, 1], p[1, 0], psi], axis=1))
         energy = float(self.cell.areas @ psi / self.cell.sides.prod())
         return Prediction(np.column_stack([u, values]), energy)

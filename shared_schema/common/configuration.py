@@ -16,6 +16,7 @@ from shared_schema.common.yaml_reader import yaml_content
 
 logger = logging.getLogger(__name__)
 LARGEST_FILE = 1 << 20  # bytes of a YAML file
+TOP_LEVEL = "(top level)"
 
 
 class Frozen(BaseModel):
@@ -173,7 +174,7 @@ def first_problem(error: ValidationError, content: Any = None) -> str:
             typo = ".".join(map(str, unknown[close[0]]["loc"]))
             return f"unknown key '{typo}', expected '{problem['loc'][-1]}'"
     tags = [str(part) for part in problem["loc"] if str(part).startswith("(")]
-    key = ".".join(str(part) for part in problem["loc"] if str(part) not in tags) or "(top level)"
+    key = ".".join(str(part) for part in problem["loc"] if str(part) not in tags) or TOP_LEVEL
     return " ".join([_message(key, problem), *tags])
 
 
@@ -206,6 +207,8 @@ def _message(key: str, problem: Any) -> str:
     message = problem["msg"].removeprefix("Value error, ")
     for start in ("key '", "unknown key '"):
         if message.startswith(start):  # a part that was built by itself: its key is below this one
+            if key == TOP_LEVEL:
+                return str(message)
             return f"{start}{key}.{message.removeprefix(start)}"
     value = problem["input"]
     found = "" if isinstance(value, (dict, list, tuple, BaseModel)) else f" = {value!r}"

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from shared_schema.common.bodies.array_library import library_of
 from shared_schema.common.bodies.polar_decomposition import Values, cofactors
-from shared_schema.material import NeoHookean
+from shared_schema.materials import NeoHookean
 
 
 class State:

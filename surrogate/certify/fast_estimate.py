@@ -43,7 +43,7 @@ from scipy.sparse import coo_array, csr_array
 from shared_schema.common.bodies.array_library import library_of
 from shared_schema.common.bodies.polar_decomposition import Values, rotations
 from shared_schema.common.errors import InputError
-from shared_schema.material import Materials
+from shared_schema.materials import Materials
 from surrogate.certify.conjugate_gradients import ConjugateGradients, smallest_ritz_value
 from surrogate.certify.deformed_state import MeanDilationState, State
 from surrogate.cuda_graphs import Replayed

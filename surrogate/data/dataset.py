@@ -18,7 +18,7 @@ from shared_schema.dataset_reader import DatasetReader
 from shared_schema.grid import Grid
 from shared_schema.layout import Arrays
 from shared_schema.manifest import Manifest, StructuredInfo
-from shared_schema.material import Materials, materials_of
+from shared_schema.materials import Materials, materials_of
 from shared_schema.stiffness import Stiffness, read_stiffness
 from surrogate.data.body_check import Body
 from surrogate.data.elements_of_case import loads_of_before, with_elements

@@ -16,7 +16,7 @@ from typing import Any
 
 from shared_schema.common.errors import InputError
 from shared_schema.common.keys.units import Units
-from shared_schema.material import Materials, RubberLike, ShippedMaterial, ratio_at_rest
+from shared_schema.materials import Materials, RubberLike, ShippedMaterial, ratio_at_rest
 from surrogate.data.geometry import Geometry
 
 ELEMENTS = ("linear", "quadratic", "incompressible")

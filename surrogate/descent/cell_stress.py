@@ -19,7 +19,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from shared_schema.material import NeoHookean
+from shared_schema.materials import NeoHookean
 from surrogate.descent.cell_fields import jacobian
 from surrogate.mechanics.solids.hyperelastic import stress
 from surrogate.mechanics.solids.mean_dilation import MeanDilationSolid

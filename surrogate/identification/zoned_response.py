@@ -15,7 +15,7 @@ import torch
 from numpy.typing import NDArray
 
 from shared_schema.common.errors import InputError, WorkError
-from shared_schema.material import Materials, YoungPoisson, as_tuple
+from shared_schema.materials import Materials, YoungPoisson, as_tuple
 from surrogate.certify.correction import iterated
 from surrogate.data.geometry import Geometry
 from surrogate.identification.responses import Response

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.errors import InputError
-from shared_schema.material import NeoHookean, as_tuple
+from shared_schema.materials import NeoHookean, as_tuple
 from surrogate.inference.fresh_loads import loads_of
 from surrogate.mechanics.solids.solid import Solid
 from surrogate.modal_equilibrium import (

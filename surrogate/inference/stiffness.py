@@ -19,7 +19,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from shared_schema.common.errors import InputError
-from shared_schema.material import Materials, YoungPoisson, as_tuple
+from shared_schema.materials import Materials, YoungPoisson, as_tuple
 from surrogate.inference.solution import Solution
 
 if TYPE_CHECKING:

@@ -21,7 +21,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from shared_schema.common.bodies.cell_volumes import nodal_volumes
-from shared_schema.material import Materials
+from shared_schema.materials import Materials
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.block_solve import BlockSolve
 from surrogate.mechanics.kept_responses import KeptResponses

@@ -15,7 +15,7 @@ import torch
 from torch import Tensor, nn
 
 from shared_schema.common.errors import InputError
-from shared_schema.material import Materials
+from shared_schema.materials import Materials
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.block_solve import BlockSolve
 from surrogate.mechanics.compliance import Compliance

@@ -32,7 +32,7 @@ from shared_schema.common.bodies.force_tolerance import RoundOff, mean_edge
 from shared_schema.common.bodies.imperfection import imperfection
 from shared_schema.common.bodies.quadratic.quadratic_cells import LINEAR
 from shared_schema.common.keys.units import SI
-from shared_schema.material import Materials, as_tuple
+from shared_schema.materials import Materials, as_tuple
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.follower_pressure import FollowerPressure
 from surrogate.mechanics.matrices.band_matrix import BandCholesky, BandLU

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from shared_schema.common.bodies.imperfection import imperfection
 from shared_schema.common.bodies.quadratic.quadratic_cells import NAMES
-from shared_schema.material import Materials
+from shared_schema.materials import Materials
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.follower_pressure import FollowerPressure
 from surrogate.mechanics.newton_steps import norms

@@ -8,7 +8,7 @@ from types import ModuleType
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.material import NeoHookean
+from shared_schema.materials import NeoHookean
 from surrogate.modal_equilibrium.cubature import Cubature
 from surrogate.series.stress_series import Factors
 

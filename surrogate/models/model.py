@@ -13,7 +13,7 @@ from torch import Tensor, nn
 from shared_schema.common.configuration import Frozen
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import StructuredInfo
-from shared_schema.material import Materials
+from shared_schema.materials import Materials
 from surrogate.data.elements_of_case import body_of_response
 from surrogate.data.geometry import Geometry
 from surrogate.data.samples import Samples

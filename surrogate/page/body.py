@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from shared_schema.common.errors import InputError
-from shared_schema.material import NeoHookean
+from shared_schema.materials import NeoHookean
 from surrogate.data.elements_of_case import body_of_response, require_linear_elements
 from surrogate.data.geometry import Geometry
 from surrogate.inference.surrogate import Surrogate

@@ -19,7 +19,7 @@ from shared_schema.common.configuration import read_yaml
 from shared_schema.common.errors import InputError
 from shared_schema.common.memory import available_memory
 from shared_schema.manifest import MANIFEST
-from shared_schema.material import NeoHookean
+from shared_schema.materials import NeoHookean
 from surrogate.data.dataset import Dataset
 from surrogate.data.joined_dataset import read_dataset
 from surrogate.models.model import Model, TrainedModel

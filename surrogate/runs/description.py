@@ -11,7 +11,7 @@ from shared_schema.common.configuration import Frozen, absent
 from shared_schema.common.errors import InputError
 from shared_schema.common.keys.units import Units
 from shared_schema.manifest import StructuredInfo
-from shared_schema.material import Materials, materials_of
+from shared_schema.materials import Materials, materials_of
 from surrogate.data.load_range import LoadRange, load_range
 from surrogate.models.kinds import KINDS, RunConfig, tag_of
 from surrogate.models.model import Model, TrainedModel

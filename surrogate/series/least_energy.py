@@ -42,7 +42,7 @@ import torch
 from torch import Tensor
 from torch._higher_order_ops.while_loop import while_loop  # not public yet
 
-from shared_schema.material import NeoHookean
+from shared_schema.materials import NeoHookean
 from surrogate.cuda_graphs import Replayed
 from surrogate.series.jacobian import JacobianPolynomial
 from surrogate.series.stress_series import Factors

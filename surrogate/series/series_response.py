@@ -25,7 +25,7 @@ from scipy.sparse import csr_array
 from torch import Tensor, nn
 
 from shared_schema.common.errors import InputError
-from shared_schema.material import Materials, NeoHookean
+from shared_schema.materials import Materials, NeoHookean
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.block_solve import SparseProduct
 from surrogate.mechanics.compliance import Compliance

@@ -27,7 +27,7 @@ from typing import Any, NamedTuple
 
 from torch import Tensor
 
-from shared_schema.material import NeoHookean
+from shared_schema.materials import NeoHookean
 from surrogate.series.cofactors import (
     add_multiple,
     cofactors,
@@ -41,7 +41,7 @@ from surrogate.series.cofactors import (
 class Factors(NamedTuple):
     r"""Factors of the Neo-Hookean solid in Pa, for a series.
 
-    With the number q of `shared_schema.material.VolumetricTerm`, :math:`s = U' - μ / J` is
+    With the number q of `shared_schema.materials.VolumetricTerm`, :math:`s = U' - μ / J` is
     :math:`g J - d / J` and a constant, and :math:`U(J) - μ \ln J` is
     :math:`\tfrac{g}{2} e^2 + d (e - \ln (1 + e))` and what is linear in e = J - 1.
 

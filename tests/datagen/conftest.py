@@ -24,7 +24,7 @@ from datagen.mesh.box import Box
 from datagen.mesh.distributed_mesh import Mesh, make_mesh
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.settings import SolverSettings
-from shared_schema.material import NeoHookean, Volumetric
+from shared_schema.materials import NeoHookean, Volumetric
 
 ProblemMaker = Callable[..., EquilibriumProblem]
 NodeFinder = Callable[..., int]

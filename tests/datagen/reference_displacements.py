@@ -24,7 +24,7 @@ from datagen.cases.case import SHIPPED, Case, read_case
 from datagen.mesh.mesh_file import MeshFile
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.solver.load_stepping import solve_load_case
-from shared_schema.material import VOLUMETRIC_TERMS
+from shared_schema.materials import VOLUMETRIC_TERMS
 
 FILE = Path(__file__).with_suffix(".json")
 MESHES = Path(__file__).with_name("reference_meshes.npz")

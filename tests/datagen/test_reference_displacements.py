@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from datagen.cases.case import read_case
-from shared_schema.material import VOLUMETRIC_TERMS, Volumetric
+from shared_schema.materials import VOLUMETRIC_TERMS, Volumetric
 from tests.datagen.reference_displacements import (
     CASES,
     FILE,

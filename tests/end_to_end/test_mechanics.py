@@ -9,7 +9,7 @@ import pytest
 import torch
 from scipy.sparse import coo_array, csr_array
 
-from shared_schema.material import VOLUMETRIC_TERMS, NeoHookean, Volumetric
+from shared_schema.materials import VOLUMETRIC_TERMS, NeoHookean, Volumetric
 from surrogate.mechanics.solids.mean_dilation import MeanDilationSolid
 from surrogate.mechanics.solids.solid import Solid
 from tests.end_to_end.commands import DATAGEN, execute

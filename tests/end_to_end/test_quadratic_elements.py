@@ -13,7 +13,7 @@ import surrogate
 from shared_schema.common.bodies.command_loads import CommandLoads
 from shared_schema.common.bodies.force_tolerance import ForceTolerance
 from shared_schema.common.errors import InputError
-from shared_schema.material import NeoHookean
+from shared_schema.materials import NeoHookean
 from surrogate.certify.correction import correct
 from surrogate.certify.full_certificate import certify
 from surrogate.data.geometry import Geometry
@@ -82,7 +82,7 @@ from datagen.output.cell_stresses import CellStresses
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings
-from shared_schema.material import NeoHookean
+from shared_schema.materials import NeoHookean
 
 settings = SolverSettings()
 for path in sys.argv[1:]:

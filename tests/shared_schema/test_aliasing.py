@@ -11,8 +11,18 @@ import numpy as np
 import pytest
 
 import shared_schema
-from shared_schema import DatasetReader, Grid, LoadCases, Manifest, NeoHookean, Stiffness, tools
+from shared_schema import (
+    DatasetReader,
+    Grid,
+    LoadCases,
+    Manifest,
+    NeoHookean,
+    OwnMaterial,
+    Stiffness,
+    tools,
+)
 from shared_schema.common.keys.units import SI
+from shared_schema.materials import ARRAYS, Functions, Invariants, Material, Scalar
 from tests.aliasing import public_functions, public_names, require_no_aliases
 from tests.closed_surfaces import surface_file
 from tests.shared_schema.conftest import make_dataset, make_nodal
@@ -20,6 +30,19 @@ from tests.shared_schema.conftest import make_dataset, make_nodal
 Given = dict[str, Any]
 GAPS = ("gap", "normal", "curvature")
 MATERIAL = NeoHookean(young_modulus=500.0, poisson_ratio=0.4)
+
+
+class Gel(OwnMaterial):
+    """A user's own material."""
+
+    shear: float
+
+    def energy(self, c: Invariants, of: Functions) -> Scalar:
+        """W = μ/2 (I₁ − 3 − 2 ln J) + μ (J − 1)²."""
+        return self.shear * ((c.i1 - 3) / 2 - of.ln(c.j) + (c.j - 1) ** 2)
+
+
+OWN = Gel(model="gel.py:Gel", shear=170.0)
 
 
 class World:
@@ -99,6 +122,21 @@ def written_cases(world: World, given: Given) -> Path:
     return world.folder / "loads.h5"
 
 
+def of_material(name: str, material: Material) -> dict[str, Callable[[World, Given], Any]]:
+    """Calls of what every material has."""
+
+    def energy(world: World, given: Given) -> Any:
+        return material.energy(Invariants(given["force"][0], 3.0, 1 + given["force"][0]), ARRAYS)
+
+    return {
+        f"{name}.energy": energy,
+        f"{name}.at_rest": lambda w, g: material.at_rest(),
+        f"{name}.family_count": lambda w, g: material.family_count,
+        f"{name}.lame_lambda": lambda w, g: material.lame_lambda,
+        f"{name}.lame_mu": lambda w, g: material.lame_mu,
+    }
+
+
 CALLS: dict[str, Callable[[World, Given], Any]] = {
     "DatasetReader.ascending": lambda w, g: w.reader.ascending(),
     "DatasetReader.body": lambda w, g: w.reader.body,
@@ -136,11 +174,8 @@ CALLS: dict[str, Callable[[World, Given], Any]] = {
     "Manifest.spelled": lambda w, g: w.manifest.spelled(),
     "Manifest.stiffness_checksum": lambda w, g: w.manifest.stiffness_checksum,
     "ShardEntry.lengths": lambda w, g: w.manifest.shards[0].lengths(w.manifest),
-    "NeoHookean.energy": lambda w, g: MATERIAL.energy(
-        g["force"][0], 3.0, 1 + g["force"][0], np.log
-    ),
-    "NeoHookean.lame_lambda": lambda w, g: MATERIAL.lame_lambda,
-    "NeoHookean.lame_mu": lambda w, g: MATERIAL.lame_mu,
+    **of_material("NeoHookean", MATERIAL),
+    **of_material("OwnMaterial", OWN),
     "NeoHookean.volumetric_term": lambda w, g: MATERIAL.volumetric_term,
     "check_dataset": lambda w, g: shared_schema.check_dataset(w.nodal),
     "digest_of": lambda w, g: shared_schema.digest_of(g["content"]),

@@ -15,7 +15,7 @@ from shared_schema.checker import check_dataset
 from shared_schema.grid import Grid, grid_arrays
 from shared_schema.layout import Arrays
 from shared_schema.manifest import EmbeddingInfo, read_manifest, write_manifest
-from shared_schema.material import NeoHookean
+from shared_schema.materials import NeoHookean
 from shared_schema.shard import read_shard, write_shard
 from surrogate.certify.correction import correct
 from surrogate.data.geometry import Geometry

@@ -3,7 +3,7 @@ r"""Stress and moduli of any shipped material, from its strain energy by automat
 .. math:: P = \frac{∂W}{∂F}, \qquad \mathbb{A}_{ijkl} = \frac{∂P_{ij}}{∂F_{kl}}, \qquad
           W = W(I_1, I_2, J)
 
-with the energies of `shared_schema.material`; in the plane :math:`F_{33} = 1`. The Neo-Hookean
+with the energies of `shared_schema.materials`; in the plane :math:`F_{33} = 1`. The Neo-Hookean
 solid has closed forms of its own (`surrogate.mechanics.solids.neo_hookean`). Tensors have their
 components first: F is (d, d, …), scalars are (…). Where J ≤ 0, or a material has no energy, W is
 +∞.
@@ -14,7 +14,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from shared_schema.material import NeoHookean, ShippedMaterial
+from shared_schema.materials import Invariants, NeoHookean, ShippedMaterial
 from surrogate.mechanics.solids import neo_hookean
 from surrogate.mechanics.solids.neo_hookean import determinant
 
@@ -68,4 +68,21 @@ def _energy(f: Tensor, material: ShippedMaterial) -> tuple[Tensor, Tensor]:
     c = torch.einsum("ki...,kj...->ij...", f, f)
     i1 = f.square().sum((0, 1)) + out_of_plane
     i2 = (i1.square() - c.square().sum((0, 1)) - out_of_plane) / 2
-    return material.energy(i1, i2, torch.where(inside, j, torch.ones_like(j)), torch.log), inside
+    invariants = Invariants(i1, i2, torch.where(inside, j, torch.ones_like(j)))
+    return material.energy(invariants, TENSORS), inside
+
+
+class _OfTensors:
+    """The functions that an energy may use, of tensors."""
+
+    def ln(self, x: Tensor, /) -> Tensor:
+        return torch.log(x)
+
+    def exp(self, x: Tensor, /) -> Tensor:
+        return torch.exp(x)
+
+    def positive(self, x: Tensor, /) -> Tensor:
+        return torch.relu(x)
+
+
+TENSORS = _OfTensors()

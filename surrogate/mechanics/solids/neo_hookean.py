@@ -3,7 +3,7 @@ r"""The Neo-Hookean solid: strain energy density, stress, and moduli of the tang
 .. math::
     W(F) = \tfrac{μ}{2} (F:F - d - 2 \ln J) + U(J), \qquad J = \det F
 
-with the volumetric terms U of `shared_schema.material`, which has J U' and J U' + J² U'' as well
+with the volumetric terms U of `shared_schema.materials`, which has J U' and J U' + J² U'' as well
 (W in J/m³; plane strain for d = 2). With :math:`∂J/∂F = J F^{-T}` the derivatives are
 
 .. math::
@@ -21,7 +21,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from shared_schema.material import NeoHookean
+from shared_schema.materials import NeoHookean
 
 
 def determinant(f: Tensor) -> Tensor:

@@ -28,7 +28,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from shared_schema.material import Materials, NeoHookean, ShippedMaterial, as_tuple
+from shared_schema.materials import Materials, NeoHookean, ShippedMaterial, as_tuple
 from surrogate.mechanics.solids.elements import cell_gradients
 from surrogate.mechanics.solids.hyperelastic import energy_density, moduli, stress
 from surrogate.mechanics.solids.neo_hookean import determinant, inverse_transpose, tangent_moduli

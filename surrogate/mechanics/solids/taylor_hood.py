@@ -30,7 +30,7 @@ from scipy.sparse.linalg import splu
 from torch import Tensor
 
 from shared_schema.common.bodies.quadratic.quadratic_cells import quadratic_quadrature
-from shared_schema.material import Materials
+from shared_schema.materials import Materials
 from surrogate.mechanics.matrices.cell_matrices import sum_of_cells
 from surrogate.mechanics.solids.hyperelastic import energy_density
 from surrogate.mechanics.solids.neo_hookean import determinant

@@ -13,7 +13,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from shared_schema.material import Materials, NeoHookean, as_tuple
+from shared_schema.materials import Materials, NeoHookean, as_tuple
 from surrogate.mechanics.solids.solid import Solid
 
 __all__ = ["material_of_zones", "weights_of_zones"]

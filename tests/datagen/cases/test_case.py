@@ -14,7 +14,7 @@ from datagen.cases.body import make_body
 from datagen.cases.case import SHIPPED, read_case
 from datagen.solver.load_stepping import solve_load_case
 from shared_schema.common.errors import InputError
-from shared_schema.material import NeoHookean
+from shared_schema.materials import NeoHookean
 
 Content = dict[str, Any]
 

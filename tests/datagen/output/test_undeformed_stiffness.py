@@ -23,7 +23,7 @@ from shared_schema.checker import check_dataset
 from shared_schema.common.checksum import sha256
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.manifest import read_manifest
-from shared_schema.material import NeoHookean, Volumetric
+from shared_schema.materials import NeoHookean, Volumetric
 from shared_schema.shard import read_shard
 from shared_schema.stiffness import read_stiffness, stiffness_problems
 

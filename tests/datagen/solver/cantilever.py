@@ -17,7 +17,7 @@ from datagen.mesh.raw_mesh import RawMesh
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import SolveReport, solve_load_case
 from datagen.solver.settings import SolverSettings
-from shared_schema.material import NeoHookean
+from shared_schema.materials import NeoHookean
 
 SIMPLICES = {  # of a quadrilateral and of a hexahedron
     2: ((0, 1, 2), (0, 2, 3)),

@@ -31,7 +31,7 @@ from datagen.mesh.raw_mesh import RawMesh
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.settings import SolverSettings
 from datagen.solver.strain_energy import deformation_gradient, energy_density
-from shared_schema.material import (
+from shared_schema.materials import (
     Gent,
     MooneyRivlin,
     NeoHookean,

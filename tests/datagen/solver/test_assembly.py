@@ -10,7 +10,7 @@ import pytest
 from dolfinx.fem import petsc as fem_petsc
 
 from datagen.solver.equilibrium import EquilibriumProblem
-from shared_schema.material import Volumetric
+from shared_schema.materials import Volumetric
 
 
 @pytest.mark.parametrize("volumetric", ["paper", "quadratic"])

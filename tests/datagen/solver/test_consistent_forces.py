@@ -22,7 +22,7 @@ from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings
 from shared_schema.common.bodies.command_loads import CommandLoads, LoadedBody, command_loads
 from shared_schema.common.bodies.quadratic.points_between import PointsBetween
-from shared_schema.material import NeoHookean
+from shared_schema.materials import NeoHookean
 from tests.datagen.solver.cantilever import box
 from tests.datagen.solver.manufactured import bent_box
 

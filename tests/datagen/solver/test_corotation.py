@@ -18,7 +18,7 @@ from datagen.solver.linear_solver import CROSSOVER, chosen_solver
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import LinearSolver, SolverSettings
 from shared_schema.common.errors import InputError
-from shared_schema.material import NeoHookean
+from shared_schema.materials import NeoHookean
 from tests.datagen.solver.cantilever import bent, box
 
 

@@ -12,7 +12,7 @@ from datagen.mesh.distributed_mesh import Mesh, distributed
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.settings import SolverSettings
-from shared_schema.material import NeoHookean
+from shared_schema.materials import NeoHookean
 from tests.datagen.solver.cantilever import beam_tip, box, cook, cook_tip
 
 BOXES = {2: ((2.0, 1.0), (4, 3)), 3: ((2.0, 1.0, 1.0), (3, 2, 2))}

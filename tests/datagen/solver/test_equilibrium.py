@@ -14,7 +14,7 @@ from datagen.cases.body import Body
 from datagen.solver.equilibrium import INVERTED, EquilibriumProblem
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings
-from shared_schema.material import Volumetric
+from shared_schema.materials import Volumetric
 
 ProblemMaker = Callable[..., EquilibriumProblem]
 NodeFinder = Callable[..., int]

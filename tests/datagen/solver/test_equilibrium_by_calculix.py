@@ -17,7 +17,7 @@ from datagen.mesh.raw_mesh import RawMesh
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings
-from shared_schema.material import MooneyRivlin
+from shared_schema.materials import MooneyRivlin
 from tests.datagen.solver.cantilever import box
 
 CCX = shutil.which("ccx")

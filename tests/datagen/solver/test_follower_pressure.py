@@ -19,7 +19,7 @@ from shared_schema.common.bodies.facet_quadrature import (
     facet_derivatives,
     pressure_forces,
 )
-from shared_schema.material import MooneyRivlin
+from shared_schema.materials import MooneyRivlin
 
 MATERIAL = MooneyRivlin(c10=60, c01=25, bulk_modulus=300)
 FACETS = {  # corners of one facet in space or in the plane

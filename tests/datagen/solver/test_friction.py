@@ -17,7 +17,7 @@ from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings
 from shared_schema.common.bodies.cells import boundary_facets
-from shared_schema.material import NeoHookean
+from shared_schema.materials import NeoHookean
 from shared_schema.tools import Plane, parse_tool
 from tests.datagen.farm_runs import datagen, finish
 from tests.datagen.refusal import refusal

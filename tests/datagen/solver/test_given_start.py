@@ -17,7 +17,7 @@ from datagen.solver.given_start import read_start, solve_from
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings
 from shared_schema.common.errors import InputError
-from shared_schema.material import NeoHookean
+from shared_schema.materials import NeoHookean
 from tests.datagen.solver.cantilever import bent, box
 
 TOLERANCE = 1e-8  # N

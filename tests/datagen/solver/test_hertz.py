@@ -20,7 +20,7 @@ from datagen.solver.contact.tool_contact import touched
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings
-from shared_schema.material import NeoHookean
+from shared_schema.materials import NeoHookean
 from shared_schema.tools import Sphere
 from tests.datagen.solver.cantilever import box
 

@@ -15,7 +15,7 @@ from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import SolveReport, solve_load_case
 from datagen.solver.settings import SolverSettings
 from shared_schema.common.bodies.cells import outward_facets
-from shared_schema.material import NeoHookean
+from shared_schema.materials import NeoHookean
 from tests.datagen.solver.cantilever import box
 
 SIZE, CELLS = (4.0, 1.0, 1.0), (8, 2, 2)

@@ -22,7 +22,7 @@ from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings
 from shared_schema.common.errors import InputError
-from shared_schema.material import (
+from shared_schema.materials import (
     Gent,
     MooneyRivlin,
     NeoHookean,

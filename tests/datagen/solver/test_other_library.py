@@ -39,7 +39,7 @@ from datagen.mesh.box import Box
 from datagen.mesh.distributed_mesh import Mesh
 from datagen.mesh.mesh_file import MeshFile
 from datagen.solver.load_stepping import solve_load_case
-from shared_schema.material import NeoHookean, Volumetric
+from shared_schema.materials import NeoHookean, Volumetric
 
 Vector = NDArray[np.float64]
 ELEMENTS = {

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from datagen.solver.equilibrium import EquilibriumProblem
-from shared_schema.material import NeoHookean, Volumetric
+from shared_schema.materials import NeoHookean, Volumetric
 
 Matrix = NDArray[np.float64]
 ProblemMaker = Callable[..., EquilibriumProblem]

@@ -13,7 +13,7 @@ from datagen.solver.load_stepping import SolveReport, solve_load_case
 from datagen.solver.settings import LinearSolver, SolverSettings
 from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError
-from shared_schema.material import NeoHookean
+from shared_schema.materials import NeoHookean
 
 
 def bent(

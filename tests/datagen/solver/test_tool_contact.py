@@ -18,7 +18,7 @@ from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings
 from shared_schema.common.bodies.cells import boundary_facets
 from shared_schema.common.errors import InputError, WorkError
-from shared_schema.material import NeoHookean
+from shared_schema.materials import NeoHookean
 from shared_schema.tools import Capsule, Mesh, Plane, Sphere, Tool, parse_tool
 from tests.closed_surfaces import ball, surface_file
 from tests.datagen.farm_runs import datagen, finish

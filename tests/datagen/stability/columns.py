@@ -13,7 +13,7 @@ from datagen.mesh.distributed_mesh import distributed
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import SolveReport, solve_load_case
 from datagen.solver.settings import LinearSolver, SolverSettings
-from shared_schema.material import NeoHookean
+from shared_schema.materials import NeoHookean
 from tests.datagen.solver.cantilever import box
 
 MODULUS = 500.0  # Pa

@@ -15,7 +15,7 @@ from datagen.stability.definiteness import is_stable
 from datagen.stability.inertia import SymmetricFactor
 from datagen.stability.stable_equilibrium import NOT_LEFT, UNSTABLE, with_stability
 from shared_schema.common.bodies.cells import outward_facets
-from shared_schema.material import NeoHookean
+from shared_schema.materials import NeoHookean
 from tests.datagen.solver.cantilever import box
 from tests.datagen.stability.columns import HEIGHT, LENGTH, MODULUS, Column
 

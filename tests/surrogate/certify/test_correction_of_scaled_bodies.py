@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from shared_schema.common.bodies.force_tolerance import ForceTolerance
-from shared_schema.material import NeoHookean
+from shared_schema.materials import NeoHookean
 from surrogate.certify.correction import correct
 from surrogate.mechanics.out_of_balance import Equilibrium
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load

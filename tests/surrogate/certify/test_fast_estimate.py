@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from shared_schema.common.bodies.polar_decomposition import cofactors, rotations
-from shared_schema.material import NeoHookean, Volumetric
+from shared_schema.materials import NeoHookean, Volumetric
 from surrogate.certify import fast_estimate
 from surrogate.certify.correction import correct
 from surrogate.certify.deformed_state import State

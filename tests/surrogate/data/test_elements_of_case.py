@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from shared_schema.common.errors import InputError
-from shared_schema.material import NeoHookean, Yeoh, ratio_at_rest
+from shared_schema.materials import NeoHookean, Yeoh, ratio_at_rest
 from surrogate.data.elements_of_case import (
     body_of_response,
     has_points_between,

@@ -9,7 +9,7 @@ import pytest
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from shared_schema.material import NeoHookean
+from shared_schema.materials import NeoHookean
 from surrogate.certify.correction import correct
 from surrogate.data.geometry import Geometry
 from surrogate.descent import carried_compliance

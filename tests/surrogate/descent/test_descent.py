@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from shared_schema.common.errors import InputError
-from shared_schema.material import Gent, MooneyRivlin, ShippedMaterial, Yeoh
+from shared_schema.materials import Gent, MooneyRivlin, ShippedMaterial, Yeoh
 from surrogate.certify.correction import correct
 from surrogate.descent import Aim, Descent, DrivenBody, descend
 from surrogate.descent.driven_body import longest

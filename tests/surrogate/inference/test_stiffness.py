@@ -9,7 +9,7 @@ import pytest
 
 import surrogate
 from shared_schema.common.errors import InputError
-from shared_schema.material import NeoHookean, as_tuple
+from shared_schema.materials import NeoHookean, as_tuple
 from shared_schema.tools import Sphere
 from surrogate.certify import Certificate, correct
 from surrogate.command_line import main

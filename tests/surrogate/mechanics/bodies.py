@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from shared_schema.grid import Grid
-from shared_schema.material import NeoHookean
+from shared_schema.materials import NeoHookean
 from surrogate.data.dataset import Dataset
 from surrogate.data.geometry import Geometry
 from surrogate.data.samples import Samples

@@ -11,7 +11,7 @@ import torch
 from shared_schema.common.bodies.cell_volumes import nodal_volumes
 from shared_schema.common.bodies.cells import outward_facets
 from shared_schema.common.bodies.facet_quadrature import area_vectors
-from shared_schema.material import NeoHookean
+from shared_schema.materials import NeoHookean
 from surrogate.certify.correction import correct
 from surrogate.certify.full_certificate import certify
 from surrogate.data.geometry import Geometry

@@ -14,7 +14,7 @@ from torch import nn
 
 from shared_schema.common.errors import InputError
 from shared_schema.grid import Grid
-from shared_schema.material import NeoHookean
+from shared_schema.materials import NeoHookean
 from surrogate.data.dataset import Dataset
 from surrogate.inference.export import export, load_exported
 from surrogate.inference.loading import load

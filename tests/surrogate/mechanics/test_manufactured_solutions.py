@@ -25,7 +25,7 @@ from shared_schema.common.bodies.quadratic.quadratic_cells import (
 )
 from shared_schema.common.bodies.reference_cells import quadrature, shape_values
 from shared_schema.grid import Grid
-from shared_schema.material import NeoHookean
+from shared_schema.materials import NeoHookean
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.newton_steps import norms
 from surrogate.mechanics.out_of_balance import Equilibrium

@@ -7,7 +7,7 @@ import math
 import pytest
 import torch
 
-from shared_schema.material import NeoHookean, Volumetric
+from shared_schema.materials import NeoHookean, Volumetric
 from surrogate.mechanics.solids.neo_hookean import (
     determinant,
     energy_density,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from shared_schema.material import NeoHookean
+from shared_schema.materials import NeoHookean
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.solids.solid import Solid
 from tests.surrogate.mechanics.bodies import MATERIAL, box

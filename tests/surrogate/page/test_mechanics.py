@@ -14,7 +14,7 @@ import torch
 from numpy.typing import NDArray
 
 from shared_schema.grid import Grid
-from shared_schema.material import NeoHookean
+from shared_schema.materials import NeoHookean
 from surrogate.certify.correction import correct
 from surrogate.certify.full_certificate import certify
 from surrogate.data.geometry import Geometry

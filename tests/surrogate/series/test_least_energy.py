@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from shared_schema.material import NeoHookean
+from shared_schema.materials import NeoHookean
 from surrogate.certify.correction import correct
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.out_of_balance import Equilibrium

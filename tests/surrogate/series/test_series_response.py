@@ -12,7 +12,7 @@ import torch
 from torch import nn
 
 from shared_schema.common.errors import InputError
-from shared_schema.material import NeoHookean, StVenantKirchhoff
+from shared_schema.materials import NeoHookean, StVenantKirchhoff
 from surrogate.certify.correction import correct
 from surrogate.data.dataset import Dataset
 from surrogate.inference.export import export, load_exported

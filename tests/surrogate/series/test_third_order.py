@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shared_schema.material import MooneyRivlin, StVenantKirchhoff
+from shared_schema.materials import MooneyRivlin, StVenantKirchhoff
 from surrogate.certify.correction import correct
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.series.third_order import third_order_terms

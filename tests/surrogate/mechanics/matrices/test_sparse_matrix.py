@@ -8,7 +8,7 @@ import torch
 from numpy.typing import NDArray
 from scipy.sparse import csc_array
 
-from shared_schema.material import NeoHookean
+from shared_schema.materials import NeoHookean
 from surrogate.certify.correction import correct
 from surrogate.certify.fast_estimate import FastEstimate
 from surrogate.descent.carried_compliance import CarriedCompliance

@@ -1,0 +1,107 @@
+"""Materials from plain data: the shipped ones, by their names."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from pydantic import ValidationError
+
+from shared_schema.common.configuration import first_problem
+from shared_schema.common.errors import InputError
+from shared_schema.materials.isotropic import NeoHookean, StVenantKirchhoff
+from shared_schema.materials.material import Material
+from shared_schema.materials.own_material import OwnMaterial
+from shared_schema.materials.rubber_like import Gent, MooneyRivlin, Yeoh
+from shared_schema.own_class import import_named
+
+Materials: TypeAlias = Material | tuple[Material, ...]
+SHIPPED: dict[str, type[Material]] = {
+    "neo_hookean": NeoHookean,
+    "st_venant_kirchhoff": StVenantKirchhoff,
+    "mooney_rivlin": MooneyRivlin,
+    "yeoh": Yeoh,
+    "gent": Gent,
+}
+
+
+def material_of(content: Any, folder: Path | None = None) -> Material:
+    """Build the material that a section of a case names, shipped or of a user's own file.
+
+    Parameters
+    ----------
+    content : Any
+        The section.
+    folder : Path, optional
+        Folder of the case file. Without one only shipped models are allowed, and nothing is
+        imported.
+
+    Raises
+    ------
+    ValueError
+        If there is no such model, its file cannot be imported or has another checksum, or one of
+        the keys is wrong.
+    """
+    name = content.get("model", "neo_hookean") if isinstance(content, dict) else None
+    if not isinstance(name, str) or name in SHIPPED or ":" not in name:
+        return shipped_material(content)
+    made, digest = import_named("model", name, tuple(SHIPPED), OwnMaterial, folder)
+    if content.get("model_sha256") not in (None, digest):
+        raise ValueError(
+            f"model '{name}': key 'model_sha256' = {content['model_sha256']!r}, "
+            f"the file has {digest}"
+        )
+    try:
+        built: Material = made.model_validate({**content, "model_sha256": digest})
+    except ValidationError as error:
+        problem = first_problem(error)
+        named = "" if f"'{name}'" in problem else f" (model '{name}')"
+        raise ValueError(problem + named) from None
+    return built
+
+
+def shipped_material(content: Any) -> Material:
+    """Build a material from plain data; ValueError if it is none of the shipped ones, or wrong."""
+    if not isinstance(content, dict):
+        raise ValueError("expected a mapping of the material's keys")
+    name = content.get("model", "neo_hookean")
+    if not isinstance(name, str) or name not in SHIPPED:
+        raise ValueError(f"key 'model' = {name!r}: expected one of {', '.join(SHIPPED)}")
+    try:
+        return SHIPPED[name].model_validate(content)
+    except ValidationError as error:
+        raise ValueError(first_problem(error)) from None
+
+
+def materials_of(content: Any, source: str) -> Materials:
+    """Build the material, or the materials of the groups, that a case configuration names.
+
+    Parameters
+    ----------
+    content : Any
+        Content of the key ``material``: a mapping, or a list of some, one a group.
+    source : str
+        Origin of the content, for the error message.
+
+    Raises
+    ------
+    InputError
+        If a material is none of the shipped ones (a user's own class is not imported), or wrong.
+    """
+    try:
+        if isinstance(content, (list, tuple)) and content:
+            return tuple(shipped_material(each) for each in content)
+        return shipped_material(content)
+    except ValueError as error:
+        raise InputError(f"{source}: {error}") from None
+
+
+def as_tuple(materials: Materials | Sequence[Material]) -> tuple[Material, ...]:
+    """Return one material or several as a tuple."""
+    return (materials,) if isinstance(materials, Material) else tuple(materials)
+
+
+def ratio_at_rest(material: Material) -> float:
+    """Poisson's ratio ν = λ / (2 (λ + μ)) of the undeformed body."""
+    return material.lame_lambda / (2 * (material.lame_lambda + material.lame_mu))
