@@ -69,7 +69,7 @@ class Material(Frozen, ABC):
         try:
             problem = self.at_rest().problem()
         except (ArithmeticError, ValueError) as error:
-            problem = f"the energy has no value in the undeformed body ({first_line(error)})"
+            problem = f"energy: {first_line(error)}"
         if problem is not None:
             known = {"model", "model_sha256", "group"}
             keys = ", ".join(f"{key} = {value}" for key, value in self if key not in known)

@@ -41,12 +41,12 @@ class OwnMaterial(Material, ABC):
         """
         if len(inspect.signature(self.energy).parameters) != 2:
             raise ValueError(
-                "expected a method energy(self, c, of) of invariants (c.i1, c.i2, c.j, c.fibres) "
-                "and functions (of.ln, of.exp, of.positive)"
+                "expected the arguments (self, c, of): invariants (c.i1, c.i2, c.j, c.fibres) and "
+                "functions (of.ln, of.exp, of.positive)"
             )
         try:
             return super().at_rest()
         except MemoryError:
             raise
         except (Exception, SystemExit) as error:
-            raise ValueError(f"energy: {described(error, source_of(self))}") from None
+            raise ValueError(described(error, source_of(self))) from None

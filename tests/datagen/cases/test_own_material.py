@@ -91,7 +91,9 @@ def test_energies_of_tensors_are_refused(
     """An energy W(F), as materials once were, is told what to become."""
     path, out = own_case(tmp_path, "0.0", "f"), str(tmp_path / "out.npz")
     found = refusal(["solve", str(path), "--load", "4,1:0,-1", "--out", out], capsys)
-    assert "key 'material.model' = 'gel.py:Gel': expected a method energy(self, c, of)" in found
+    assert (
+        "key 'material.model' = 'gel.py:Gel': energy: expected the arguments (self, c, of)" in found
+    )
 
 
 @pytest.mark.parametrize(
