@@ -259,7 +259,7 @@ def solve(
     def driven(mesh: Mesh, supported: NDArray[np.bool_]) -> CommandLoads:
         nonlocal given
         known = mesh.coordinates, mesh.cells, mesh.cell_type
-        body = LoadedBody(*known, supported, mesh.node_sets, points_of(found, mesh))
+        body = LoadedBody(*known, supported, mesh.node_sets, points_of(found, mesh), mesh.parts)
         files = [Path(path) for path in forces]
         given = command_loads(body, load, files, held, nearest, body_force, needed=tool is None)
         return given

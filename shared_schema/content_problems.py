@@ -132,12 +132,22 @@ def _held(arrays: Arrays) -> list[str]:
 
 
 def _groups(arrays: Arrays) -> list[str]:
-    """Name groups without their other half, and names that occur twice."""
+    """Name groups without their other half, names that occur twice, and other numbers of facets."""
     names, groups = arrays.get("mesh/group_names"), arrays.get("mesh/groups")
     if (names is None) != (groups is None):
         return ["datasets 'mesh/group_names' and 'mesh/groups' do not stand together"]
     if names is not None and len(set(names.tolist())) < len(names):
         return ["dataset 'mesh/group_names' has a name twice"]
+    facets, cell_type = arrays.get("mesh/group_facets"), _cell_type(arrays)
+    if (facets is None) != ("mesh/group_cells" not in arrays) or (
+        facets is not None and groups is None
+    ):
+        return ["datasets 'mesh/groups', 'mesh/group_facets' and 'mesh/group_cells' stand together"]
+    if facets is None or not cell_type:
+        return []
+    count = len(boundary_facets(arrays["mesh/cells"], cell_type))
+    if facets.shape[1] != count:
+        return [f"dataset 'mesh/group_facets' has {facets.shape[1]} facets, the surface {count}"]
     return []
 
 

@@ -89,6 +89,23 @@ MESH = (
         "mesh/groups", "bool", ("group", "node"), "1", "nodes of the mesh's groups", optional=True
     ),
     ArrayLayout(
+        "mesh/group_facets",
+        "bool",
+        ("group", "side"),
+        "1",
+        "facets of the groups, of those of the surface in the lexicographic order of their nodes, "
+        "ascending; without it all whose nodes belong",
+        optional=True,
+    ),
+    ArrayLayout(
+        "mesh/group_cells",
+        "bool",
+        ("group", "cell"),
+        "1",
+        "cells of the groups; without it all whose nodes belong",
+        optional=True,
+    ),
+    ArrayLayout(
         "mesh/pressed",
         "int64",
         ("facet", "facet_corner"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal
@@ -18,7 +19,7 @@ from datagen.mesh.group_names import groups_of_sides
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.mesh.regions import Region
 from shared_schema.common.bodies.cells import boundary_facets
-from shared_schema.common.bodies.groups import group_arrays
+from shared_schema.common.bodies.groups import GroupParts, group_arrays
 from shared_schema.common.bodies.quadratic.points_between import PointsBetween
 from shared_schema.common.errors import InputError
 from shared_schema.materials import ratio_at_rest
@@ -87,7 +88,7 @@ class PlacedBody:
             arrays["mesh/held"] = self.held
         if self.parts is not None:
             arrays["mesh/material"] = self.parts
-        arrays |= group_arrays(mesh.node_sets)
+        arrays |= group_arrays(mesh.node_sets, mesh.cells, mesh.cell_type, mesh.parts)
         surfaces = self.loads.pressed
         if surfaces:
             arrays["mesh/pressed"] = np.concatenate(surfaces)
@@ -191,7 +192,21 @@ def _loadable(
         np.flatnonzero(region),
         np.flatnonzero(clamped),
         points,
+        _parts_of(mesh, family.region.group, family.of_sides),
     )
+
+
+def _parts_of(mesh: RawMesh, group: str | None, of_sides: bool) -> GroupParts | None:
+    """Facets and cells of a group that a region names; None where its nodes tell them."""
+    if group is None:
+        return None
+    members = _groups(mesh, of_sides)[group]
+    return next((mesh.parts.get(name) for name, m in mesh.groups.items() if m is members), None)
+
+
+def _groups(mesh: RawMesh, of_sides: bool) -> Mapping[str, NDArray[np.int64]]:
+    dimension = mesh.coordinates.shape[1]
+    return groups_of_sides(mesh.groups, dimension) if of_sides else mesh.groups
 
 
 def _require_supported(case: Case, mesh: RawMesh, held: NDArray[np.bool_]) -> None:
@@ -211,11 +226,9 @@ def _select(
     try:
         needed = region.boundary or (region.nodes is not None and mesh.origins is not None)
         facets = boundary_facets(mesh.cells, mesh.cell_type) if needed else None
-        groups = (
-            groups_of_sides(mesh.groups, mesh.coordinates.shape[1]) if of_sides else mesh.groups
-        )
+        groups, origins = _groups(mesh, of_sides), mesh.origins
         nodes = region.select(
-            mesh.coordinates, groups, facets, mesh.places, mesh.origins, mesh.counted_from
+            mesh.coordinates, groups, facets, mesh.places, origins, mesh.counted_from
         )
     except ValueError as error:
         raise InputError(f"case '{case.name}': key '{key}': {error}") from None

@@ -11,7 +11,6 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from datagen.loads.family import ForceRange, LoadableNodes, LoadCase, LoadFamily, generator
 from shared_schema.common.bodies.cell_volumes import nodal_volumes
@@ -32,22 +31,17 @@ class BodyForce(LoadFamily):
 
     def check(self, loadable: LoadableNodes) -> None:
         """Raise ValueError unless every node of the region belongs to a cell of the region."""
-        lonely = np.setdiff1d(loadable.nodes, loadable.cells[self._members(loadable)])
+        lonely = np.setdiff1d(loadable.nodes, loadable.cells[loadable.cells_inside])
         if lonely.size:
             raise ValueError("key 'region': a node of it belongs to no cell of the region")
 
     def draw(self, number: int, seed: int, loadable: LoadableNodes) -> LoadCase:
         """Draw the force density and convert it to forces."""
         density = generator(seed, number).uniform(*self.range, size=loadable.dimension)
-        points, members = loadable.points, self._members(loadable)
-        cells = (loadable.cells if points is None else points.cells)[members]
+        points = loadable.points
+        cells = (loadable.cells if points is None else points.cells)[loadable.cells_inside]
         return loadable.under(np.outer(nodal_volumes(loadable.positions, cells), density))
 
     def loads_per_sample(self, loadable: LoadableNodes) -> int:
         """Number of loaded nodes: all nodes of the region that are not clamped."""
         return len(loadable)
-
-    def _members(self, loadable: LoadableNodes) -> NDArray[np.bool_]:
-        """Cells whose nodes all lie in the region, (n_cells,)."""
-        members = loadable.nodes if loadable.region is None else loadable.region
-        return np.asarray(np.isin(loadable.cells, members).all(axis=1))

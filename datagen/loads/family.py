@@ -24,6 +24,7 @@ from pydantic import (
 from datagen.mesh.regions import Region
 from datagen.quantities import Magnitude
 from shared_schema.common.bodies.cells import outward_facets
+from shared_schema.common.bodies.groups import GroupParts, cells_in, facets_in
 from shared_schema.common.bodies.quadratic.points_between import PointsBetween
 from shared_schema.common.configuration import Frozen, absent, first_problem
 from shared_schema.own_class import import_named
@@ -82,6 +83,8 @@ class LoadableNodes:
         Numbers of all nodes that do not move at all; by default there are none.
     points : PointsBetween, optional
         All points of the elements; by default the nodes are all.
+    parts : GroupParts, optional
+        Facets and cells of the group that the region names, if its nodes do not tell them.
     """
 
     nodes: NDArray[np.int64]
@@ -91,6 +94,7 @@ class LoadableNodes:
     region: NDArray[np.int64] | None = None
     clamped: NDArray[np.int64] | None = None
     points: PointsBetween | None = None
+    parts: GroupParts | None = None
 
     def __len__(self) -> int:
         return len(self.nodes)
@@ -107,9 +111,24 @@ class LoadableNodes:
 
     @cached_property
     def facets(self) -> NDArray[np.int64]:
-        """Facets of the surface whose nodes all lie in the region, seen from outside."""
-        members = self.nodes if self.region is None else self.region
-        return self.surface[np.isin(self.surface, members).all(axis=1)]
+        """Facets of the surface whose nodes all lie in the region, seen from outside.
+
+        If the region names a group of facets or cells, they belong to it.
+        """
+        return facets_in(self.surface, self._in_region, self.parts)
+
+    @property
+    def cells_inside(self) -> NDArray[np.bool_]:
+        """Cells whose nodes all lie in the region, (n_cells,); of a group of cells, those of it."""
+        inside = cells_in(self.cells, self._in_region, None)
+        return inside & cells_in(self.cells, self._in_region, self.parts)
+
+    @property
+    def _in_region(self) -> NDArray[np.bool_]:
+        """Nodes of the region, clamped ones included, (n_nodes,)."""
+        inside = np.zeros(len(self.coordinates), dtype=bool)
+        inside[self.nodes if self.region is None else self.region] = True
+        return inside
 
     @cached_property
     def positions(self) -> NDArray[np.float64]:

@@ -17,6 +17,8 @@ from datagen.mesh.regions import Region
 class Pressure(LoadFamily):
     """A uniform pressure on the boundary facets whose nodes all lie in the region.
 
+    Of a group of facets or cells, these facets belong to it.
+
     Attributes
     ----------
     region : Region

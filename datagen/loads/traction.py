@@ -21,6 +21,8 @@ from shared_schema.common.bodies.facet_quadrature import facet_shares
 class Traction(LoadFamily):
     """A uniform dead traction on the boundary facets whose nodes all lie in the region.
 
+    Of a group of facets or cells, these facets belong to it.
+
     Attributes
     ----------
     region : Region

@@ -28,6 +28,7 @@ from datagen.loads.family import (
 from datagen.mesh.regions import Region
 from datagen.quantities import Size
 from shared_schema.common.bodies.cells import boundary_facets
+from shared_schema.common.bodies.groups import facets_in
 from shared_schema.common.bodies.surface_patches import SurfacePatches
 
 Array = NDArray[np.float64]
@@ -104,7 +105,9 @@ class TractionPatch(LoadFamily):
 
 
 def surface_of(loadable: LoadableNodes) -> SurfacePatches:
-    """Find the boundary facets whose nodes are all loadable."""
+    """Find the boundary facets of the region whose nodes are all loadable."""
     facets = boundary_facets(loadable.cells, loadable.cell_type)
-    facets = loadable.all_points(facets[np.isin(facets, loadable.nodes).all(axis=1)])
+    free = np.zeros(len(loadable.coordinates), dtype=bool)
+    free[loadable.nodes] = True
+    facets = loadable.all_points(facets_in(facets, free, loadable.parts))
     return SurfacePatches.of(loadable.positions, facets)

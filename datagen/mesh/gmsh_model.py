@@ -69,8 +69,7 @@ def mesh_of(model: Any) -> RawMesh:
 
     If physical groups of the highest dimension are defined, the mesh consists of their cells,
     otherwise of all cells. Every physical group becomes a group of nodes, under its name or number
-    (`datagen.mesh.group_names.by_name`), and if it is of the highest dimension a group of cells as
-    well.
+    (`datagen.mesh.group_names.by_name`), with its facets or cells.
 
     Raises
     ------
@@ -81,18 +80,23 @@ def mesh_of(model: Any) -> RawMesh:
     order = np.argsort(tags)
     tags, points = tags[order], points.reshape(-1, 3)[order]
     dimension = max((dim for dim, _ in model.getEntities() if _has_cells(model, dim)), default=0)
-    bodies, cell_sets = defaultdict[str, list[int]](list), defaultdict[str, list[Any]](list)
-    for dim, tag in model.getPhysicalGroups(dimension):
+    bodies = defaultdict[int, dict[str, set[int]]](dict)  # entities of the groups, by dimension
+    for dim, tag in model.getPhysicalGroups():
         name = model.getPhysicalName(dim, tag) or str(tag)
-        bodies[name] += list(model.getEntitiesForPhysicalGroup(dim, tag))
-    blocks = []
-    for entity in sorted({entity for entities in bodies.values() for entity in entities}) or [-1]:
-        for kind, _, nodes in zip(*model.mesh.getElements(dimension, entity), strict=True):
-            name, _, _, corners, _, _ = model.mesh.getElementProperties(kind)
-            cells = np.searchsorted(tags, nodes).reshape(-1, corners)
-            blocks.append((MESHIO_NAMES.get(kind, str(name)), cells))
-            for group, entities in bodies.items():
-                cell_sets[group].append(np.arange(len(cells)) if entity in entities else None)
+        entities = set(model.getEntitiesForPhysicalGroup(dim, tag).tolist())
+        bodies[dim][name] = bodies[dim].get(name, set()) | entities
+    blocks, cell_sets = [], defaultdict[str, list[Any]](list)
+    names = {name for of_dimension in bodies.values() for name in of_dimension}
+    for dim in range(1, dimension + 1):
+        of_groups = sorted(set().union(*bodies[dim].values()))
+        for entity in of_groups or [-1] * (dim == dimension):
+            for kind, _, nodes in zip(*model.mesh.getElements(dim, entity), strict=True):
+                name, _, _, corners, _, _ = model.mesh.getElementProperties(kind)
+                cells = np.searchsorted(tags, nodes).reshape(-1, corners)
+                blocks.append((MESHIO_NAMES.get(kind, str(name)), cells))
+                for group in names:
+                    inside = entity in bodies[dim].get(group, ())
+                    cell_sets[group].append(np.arange(len(cells)) if inside else None)
     groups: dict[Group, Any] = {}
     for dim, tag in model.getPhysicalGroups():
         key = dim, model.getPhysicalName(dim, tag) or str(tag)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -11,8 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from datagen.mesh.group_names import Blocks, CellSets, Group, by_name, dimension_of, nodes_of_cells
+from datagen.mesh.group_parts import parts_of_groups
 from shared_schema.common.bodies.cells import CELL_TYPES, NEIGHBOURS
 from shared_schema.common.bodies.conformity import cell_names, conformity_problem, node_problem
+from shared_schema.common.bodies.groups import GroupParts
 
 DIMENSION = {"triangle": 2, "quad": 2, "tetra": 3, "hexahedron": 3}
 SMALLEST = 1e-9  # smallest |Jacobian| at a corner, over the product of the edge lengths there
@@ -43,6 +45,8 @@ class RawMesh:
     origins : array of int, (n_nodes, n_corners), optional
         Of a refined mesh: the nodes that it had before of the edge, face or cell that each node
         lies in; repeated ones fill a row (`datagen.mesh.refinement`).
+    parts : mapping of str to GroupParts
+        Facets and cells of the groups whose nodes do not tell them (`datagen.mesh.group_parts`).
     """
 
     coordinates: NDArray[np.float64]
@@ -53,6 +57,7 @@ class RawMesh:
     places: NDArray[np.int64] | None = None
     counted_from: tuple[int, ...] = (0, 1)
     origins: NDArray[np.int64] | None = None
+    parts: Mapping[str, GroupParts] = field(default_factory=dict)
 
     @property
     def node_sets(self) -> dict[str, NDArray[np.bool_]]:
@@ -65,9 +70,11 @@ class RawMesh:
 
 
 def write_raw_mesh(path: Path, mesh: RawMesh) -> None:
-    """Write a mesh to an ``.npz`` file, its groups as ``group:NAME`` and ``cells:NAME``."""
+    """Write a mesh to an ``.npz`` file, its groups as ``group:NAME``, ``cells:NAME`` and so on."""
     groups = {f"group:{name}": members for name, members in mesh.groups.items()}
     groups |= {f"cells:{name}": members for name, members in mesh.cell_groups.items()}
+    groups |= {f"sides of:{name}": part.facets for name, part in mesh.parts.items()}
+    groups |= {f"cells of:{name}": part.cells for name, part in mesh.parts.items()}
     if mesh.places is not None:
         groups["places"] = mesh.places
     np.savez(
@@ -85,6 +92,7 @@ def read_raw_mesh(path: Path) -> RawMesh:
     with np.load(path) as file:
         groups = _named(file, "group:")
         cell_groups = _named(file, "cells:")
+        sides, inside = _named(file, "sides of:"), _named(file, "cells of:")
         cell_type = str(file["cell_type"])
         return RawMesh(
             file["coordinates"],
@@ -94,6 +102,7 @@ def read_raw_mesh(path: Path) -> RawMesh:
             cell_groups,
             file.get("places"),
             tuple(file["counted_from"].tolist()),
+            parts={name: GroupParts(sides[name], inside[name]) for name in sides},
         )
 
 
@@ -177,7 +186,8 @@ def raw_mesh(
     problem = conformity_problem(mesh.coordinates, mesh.cells, mesh.cell_type)
     if problem is not None:
         raise ValueError(problem)
-    return mesh
+    parts = parts_of_groups(blocks, cell_sets, number, mesh.cells, name, named, of_cells)
+    return replace(mesh, parts=parts)
 
 
 def _numbering(labels: NDArray[np.int64]) -> tuple[NDArray[np.int64], tuple[int, ...]]:

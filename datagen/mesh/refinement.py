@@ -12,8 +12,10 @@ from itertools import combinations, product
 import numpy as np
 from numpy.typing import NDArray
 
+from datagen.mesh.group_parts import facets_of_cells
 from datagen.mesh.raw_mesh import RawMesh
 from shared_schema.common.bodies.cells import boundary_facets
+from shared_schema.common.bodies.groups import GroupParts
 from shared_schema.common.bodies.reference_cells import CORNERS
 
 Numbers = NDArray[np.int64]
@@ -26,7 +28,8 @@ DIAGONALS = {(4, 9): (5, 7, 8, 6), (5, 8): (4, 6, 9, 7), (6, 7): (4, 5, 9, 8)}  
 def refined(mesh: RawMesh) -> RawMesh:
     """Divide every cell; the nodes of the mesh keep their numbers.
 
-    Named groups hold the new nodes that `members_of` says, and the parts of their cells.
+    Named groups hold the new nodes that `members_of` says, of those the ones that lie in a facet or
+    cell of the group where its nodes do not tell these, and the parts of their facets and cells.
     """
     corners = len(CORNERS[mesh.cell_type])
     places, parts_of = _pattern(mesh.cell_type)
@@ -55,6 +58,14 @@ def refined(mesh: RawMesh) -> RawMesh:
         name: (parts * members[:, None] + np.arange(parts)).ravel()
         for name, members in mesh.cell_groups.items()
     }
+    fine = facets_of_cells(cells, mesh.cell_type) if mesh.parts else cells[:0]
+    refined_parts = {}
+    for name, part in mesh.parts.items():
+        sides = _within(part.facets, fine, entities)
+        inside = (parts * part.cells[:, None] + np.arange(parts)).ravel()
+        refined_parts[name] = GroupParts(sides, inside)
+        kept = np.isin(groups[name], sides) | np.isin(groups[name], cells[inside])
+        groups[name] = groups[name][kept | (groups[name] < len(mesh.coordinates))]
     origins = entities
     if mesh.origins is not None:
         origins = _distinct_first(mesh.origins[entities].reshape(len(entities), -1))[:, :corners]
@@ -65,6 +76,7 @@ def refined(mesh: RawMesh) -> RawMesh:
         groups=groups,
         cell_groups=cell_groups,
         origins=origins,
+        parts=refined_parts,
     )
 
 
@@ -89,6 +101,17 @@ def members_of(
     """
     beside = on_surface[: len(members)][origins].all(axis=1)
     return np.asarray(members[origins].all(axis=1) & (on_surface | ~beside))
+
+
+def _within(facets: Numbers, fine: Numbers, origins: Numbers) -> Numbers:
+    """Facets of a refined mesh that are parts of some facets of the coarse mesh.
+
+    The coarse nodes that the nodes of a part come from are those of its facet.
+    """
+    known = {tuple(row) for row in facets.tolist()}
+    near = fine[np.isin(origins[fine], facets).all(axis=(1, 2))]
+    chosen = [tuple(np.unique(origins[row]).tolist()) in known for row in near]
+    return near[np.array(chosen, dtype=bool)]
 
 
 def _pattern(cell_type: str) -> tuple[Corners, Corners]:

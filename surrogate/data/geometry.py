@@ -14,7 +14,7 @@ from torch import Tensor
 from shared_schema.common.arguments.read_only import hold_read_only, read_only
 from shared_schema.common.bodies.cells import boundary_facets, outward_facets
 from shared_schema.common.bodies.command_loads import LoadedBody
-from shared_schema.common.bodies.groups import groups_of
+from shared_schema.common.bodies.groups import GroupParts, groups_of, parts_of
 from shared_schema.common.bodies.quadratic.points_between import PointsBetween
 from shared_schema.common.errors import InputError
 from shared_schema.common.keys.units import SI, Units
@@ -23,6 +23,7 @@ from shared_schema.layout import Arrays
 
 PREFIX = "geometry."
 GROUP = "group:"  # before the name of a group of nodes
+SIDES, INSIDE = "sides of:", "cells of:"  # before that of one whose nodes do not tell them
 SURFACE = "surface"  # in place of the name of a group
 
 
@@ -46,6 +47,8 @@ class Geometry:
         Position of each cell's material in the case, if it has several.
     groups : mapping of str to array of bool, (n_nodes,)
         Nodes of the named groups of the mesh.
+    group_parts : mapping of str to GroupParts
+        Facets and cells of the groups whose nodes do not tell them.
     pressed : array of int, (n_facets, n_corners), or None
         Facets that a pressure of the case follows, seen from outside.
     pressed_surface : array of int, (n_facets,), or None
@@ -79,6 +82,7 @@ class Geometry:
     has_points_between: bool = False
     pressed_by_corners: bool = False
     units: Units = SI
+    group_parts: Mapping[str, GroupParts] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         hold_read_only(self)
@@ -98,6 +102,7 @@ class Geometry:
             groups_of(arrays),
             arrays.get("mesh/pressed"),
             arrays.get("mesh/pressed_surface"),
+            group_parts=parts_of(arrays, cell_type),
         )
 
     @classmethod
@@ -121,6 +126,11 @@ class Geometry:
             groups,
             arrays.get("pressed"),
             arrays.get("pressed_surface"),
+            group_parts={
+                name: GroupParts(arrays[SIDES + name], arrays[INSIDE + name])
+                for name in groups
+                if SIDES + name in arrays
+            },
         )
 
     def arrays(self) -> Arrays:
@@ -132,6 +142,8 @@ class Geometry:
     def tensors(self) -> dict[str, Tensor]:
         """The geometry as named tensors, for the weights file."""
         others: Arrays = {GROUP + name: members for name, members in self.groups.items()}
+        for name, part in self.group_parts.items():
+            others |= {SIDES + name: part.facets, INSIDE + name: part.cells}
         for name in ("pressed", "pressed_surface"):
             if (values := getattr(self, name)) is not None:
                 others[name] = values
@@ -241,7 +253,8 @@ class Geometry:
     def loaded_body(self) -> LoadedBody:
         """The body as loads of a command refer to it."""
         mesh = self.coordinates, self.cells, self.cell_type
-        return LoadedBody(*mesh, self.held, self.groups, self.loaded_points)
+        parts = self.group_parts
+        return LoadedBody(*mesh, self.held, self.groups, self.loaded_points, parts)
 
     @property
     def movable(self) -> NDArray[np.bool_]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shared_schema.common.bodies.groups import group_arrays, groups_of
+from shared_schema.common.bodies.groups import GroupParts, group_arrays, groups_of, parts_of
 from shared_schema.content_problems import body_problems
 from shared_schema.layout import Arrays
 from shared_schema.shard import read_shard, write_shard
@@ -27,7 +27,12 @@ def body(nodal_arrays: Arrays) -> Arrays:
     arrays["samples/displacement"][:, 3] = 0.0
     arrays["mesh/held"] = held
     arrays["mesh/material"] = np.array([0, 1, 0])
-    arrays |= group_arrays({"root": arrays["mesh/clamped"], "end": arrays["mesh/loadable"]})
+    arrays |= group_arrays(
+        {"root": arrays["mesh/clamped"], "end": arrays["mesh/loadable"]},
+        arrays["mesh/cells"],
+        "quad",
+        {"root": GroupParts(np.array([[0, 1]]), np.array([0]))},
+    )
     arrays["mesh/pressed"] = np.array([[6, 7], [7, 4]])
     arrays["mesh/pressed_surface"] = np.array([0, 1])
     arrays["samples/pressure"] = np.array([[1.0, 2.0], [3.0, 4.0]])
@@ -69,6 +74,8 @@ def test_written_and_read(body: Arrays, tmp_path: Path) -> None:
     groups = groups_of(found)
     assert list(groups) == ["end", "root"]
     np.testing.assert_array_equal(groups["root"], body["mesh/clamped"])
+    root = parts_of(found, "quad")["root"]
+    assert (root.facets.tolist(), root.cells.tolist()) == ([[0, 1]], [0])
 
 
 @pytest.mark.parametrize(
@@ -81,6 +88,8 @@ def test_written_and_read(body: Arrays, tmp_path: Path) -> None:
         (put("failed/loaded_nodes", (0, 1), 3), "'failed/force' has a force on a held component"),
         (put("mesh/group_names", 0, "root"), "'mesh/group_names' has a name twice"),
         (drop("mesh/groups"), "do not stand together"),
+        (drop("mesh/group_cells"), "'mesh/group_facets' and 'mesh/group_cells' stand together"),
+        (fewer("mesh/group_facets"), "'mesh/group_facets' has 7 facets, the surface 8"),
         (put("mesh/material", 1, -1), "'mesh/material' is -1, expected 0 at least"),
         (put("mesh/pressed", (0, 1), 4), "names a facet that is not on the surface"),
         (drop("mesh/pressed"), "stand together"),

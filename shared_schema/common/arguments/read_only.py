@@ -25,5 +25,8 @@ def hold_read_only(record: Any) -> None:
         if isinstance(value, np.ndarray):
             object.__setattr__(record, each.name, read_only(value))
         elif isinstance(value, dict):
-            views = {name: read_only(one) for name, one in value.items()}
+            views = {
+                name: read_only(one) if isinstance(one, np.ndarray) else one
+                for name, one in value.items()
+            }
             object.__setattr__(record, each.name, views)

@@ -44,6 +44,7 @@ from shared_schema.common.arguments.text_lines import text_lines
 from shared_schema.common.bodies.cell_volumes import nodal_volumes
 from shared_schema.common.bodies.cells import boundary_facets, outward_facets
 from shared_schema.common.bodies.facet_quadrature import facet_shares, pressure_forces
+from shared_schema.common.bodies.groups import GroupParts, cells_in, facets_in
 from shared_schema.common.bodies.point_load import RELATIVE_TOLERANCE, nodal_forces, node_at
 from shared_schema.common.bodies.quadratic.points_between import PointsBetween
 from shared_schema.common.bodies.surface_patches import SurfacePatches
@@ -71,6 +72,8 @@ class LoadedBody:
         Nodes of the named groups.
     points : PointsBetween, optional
         Points of quadratic elements; None if the nodes are all.
+    parts : mapping of str to GroupParts
+        Facets and cells of the groups whose nodes do not tell them.
     """
 
     coordinates: Array
@@ -79,6 +82,7 @@ class LoadedBody:
     held: NDArray[np.bool_]
     groups: Mapping[str, NDArray[np.bool_]]
     points: PointsBetween | None = None
+    parts: Mapping[str, GroupParts] = field(default_factory=dict)
 
     @cached_property
     def positions(self) -> Array:
@@ -92,9 +96,9 @@ class LoadedBody:
         return np.asarray(self.held.all(axis=1))
 
     def facets_of(self, group: str) -> NDArray[np.int64]:
-        """Facets whose nodes all belong to a group, seen from outside."""
+        """Facets of a group on the surface, seen from outside."""
         facets = outward_facets(self.coordinates, self.cells, self.cell_type)
-        return facets[self.groups[group][facets].all(axis=1)]
+        return facets_in(facets, self.groups[group], self.parts.get(group))
 
 
 @dataclass
@@ -321,7 +325,7 @@ class CommandLoads:
     def _shares(self, name: str) -> Array:
         """Part of the force on a group that each point takes, (n_points,), of sum 1."""
         x, points, members = self.body.positions, self.body.points, self.body.groups[name]
-        inside = members[self.body.cells].all(axis=1)
+        inside = cells_in(self.body.cells, members, self.body.parts.get(name))
         cells, facets = self.body.cells[inside], self.body.facets_of(name)
         shares = np.zeros(len(x))
         if _are(members, cells):

@@ -1,14 +1,68 @@
-"""Named groups of nodes in a dataset."""
+"""Named groups of a body: their nodes, and their facets and cells where the nodes do not tell them.
+
+A facet or a cell whose nodes all belong to a group need not belong to it: both faces of a plate
+that is one cell thick have the nodes of its rim, and those of all its cells.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from shared_schema.common.arguments.read_only import hold_read_only
+from shared_schema.common.bodies.cells import boundary_facets
+
 Arrays = dict[str, NDArray[Any]]
+Nodes = Mapping[str, NDArray[np.bool_]]
+
+
+@dataclass(frozen=True)
+class GroupParts:
+    """Facets and cells of a group. The arrays are read-only.
+
+    Attributes
+    ----------
+    facets : array of int, (n_facets, n_facet_corners)
+        Numbers of their nodes, ascending; facets inside the body may be among them.
+    cells : array of int, (n_parts,)
+        Numbers of cells, ascending.
+    """
+
+    facets: NDArray[np.int64]
+    cells: NDArray[np.int64]
+
+    def __post_init__(self) -> None:
+        hold_read_only(self)
+
+    def hold(self, facets: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Which facets, (n, n_facet_corners) by their nodes in any order, are among them: (n,)."""
+        known = {row.tobytes() for row in self.facets.astype(np.int64)}
+        rows = np.sort(facets, axis=1).astype(np.int64)
+        return np.array([row.tobytes() in known for row in rows], dtype=bool)
+
+
+def facets_in(
+    surface: NDArray[np.int64], members: NDArray[np.bool_], parts: GroupParts | None
+) -> NDArray[np.int64]:
+    """Facets of a group among those of the surface: by its nodes, (n_nodes,), unless parts say."""
+    found = surface[members[surface].all(axis=1)]
+    return found if parts is None else found[parts.hold(found)]
+
+
+def cells_in(
+    cells: NDArray[np.int64], members: NDArray[np.bool_], parts: GroupParts | None
+) -> NDArray[np.bool_]:
+    """Which cells are those of a group, (n_cells,): by its nodes, (n_nodes,), unless parts say."""
+    if parts is None:
+        return np.asarray(members[cells].all(axis=1))
+    found = np.zeros(len(cells), dtype=bool)
+    found[parts.cells] = True
+    return found
 
 
 def groups_of(arrays: Arrays) -> dict[str, NDArray[np.bool_]]:
@@ -19,12 +73,54 @@ def groups_of(arrays: Arrays) -> dict[str, NDArray[np.bool_]]:
     return dict(zip(names, arrays["mesh/groups"], strict=True))
 
 
-def group_arrays(groups: Mapping[str, NDArray[np.bool_]]) -> Arrays:
-    """Arrays of named groups by their paths in a shard; none if there are no groups."""
+def parts_of(arrays: Arrays, cell_type: str) -> dict[str, GroupParts]:
+    """Facets and cells of every named group of a shard's mesh; none where the nodes tell them."""
+    if "mesh/group_facets" not in arrays:
+        return {}
+    surface = ordered_surface(arrays["mesh/cells"], cell_type)
+    rows = zip(
+        *(arrays[f"mesh/group_{name}"] for name in ("names", "facets", "cells")), strict=True
+    )
+    return {
+        str(name): GroupParts(surface[facets], np.flatnonzero(cells))
+        for name, facets, cells in rows
+    }
+
+
+def group_arrays(
+    groups: Nodes,
+    cells: NDArray[np.int64],
+    cell_type: str,
+    parts: Mapping[str, GroupParts] = MappingProxyType({}),
+) -> Arrays:
+    """Arrays of named groups by their paths in a shard; none if there are no groups.
+
+    Parameters
+    ----------
+    groups : mapping of str to array of bool, (n_nodes,)
+    cells : array of int, (n_cells, n_corners)
+    cell_type : str
+    parts : mapping of str to GroupParts
+        Of the groups whose nodes do not tell their facets and cells.
+    """
     if not groups:
         return {}
     names = sorted(groups)
-    return {
+    arrays: Arrays = {
         "mesh/group_names": np.array(names, dtype=object),
         "mesh/groups": np.stack([groups[name] for name in names]),
     }
+    if parts:
+        surface, every = ordered_surface(cells, cell_type), [parts.get(name) for name in names]
+        facets, inside = [], []
+        for name, part in zip(names, every, strict=True):
+            mine = groups[name][surface].all(axis=1)
+            facets.append(mine if part is None else mine & part.hold(surface))
+            inside.append(cells_in(cells, groups[name], part))
+        arrays |= {"mesh/group_facets": np.stack(facets), "mesh/group_cells": np.stack(inside)}
+    return arrays
+
+
+def ordered_surface(cells: NDArray[np.int64], cell_type: str) -> NDArray[np.int64]:
+    """Facets of the surface by their nodes, ascending, in lexicographic order."""
+    return np.unique(np.sort(boundary_facets(cells, cell_type), axis=1), axis=0)
