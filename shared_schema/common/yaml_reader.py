@@ -9,14 +9,30 @@ import yaml
 
 MOST_VALUES = 100_000  # of a file, values that aliases and merge keys repeat counted each time
 MERGE = "<<"
+WHOLE = re.compile(r"^[-+]?[0-9][0-9_]*$")
 NUMBER = re.compile(r"^[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)[eE][-+]?[0-9]+$")
 
 
 class _Loader(yaml.SafeLoader):
-    """Safe loader that reads 1e-3 as a number, as YAML 1.2 does; for YAML 1.1 it is text."""
+    """Safe loader that reads numbers as YAML 1.2 does.
+
+    For YAML 1.1, 1e-3 is text, 010 is 8, and 1:30 is 90.
+    """
+
+
+def _whole_number(loader: _Loader, node: yaml.ScalarNode) -> int | str:
+    if ":" in node.value:
+        return str(node.value)
+    return int(node.value, 10) if WHOLE.match(node.value) else loader.construct_yaml_int(node)
+
+
+def _number(loader: _Loader, node: yaml.ScalarNode) -> float | str:
+    return str(node.value) if ":" in node.value else loader.construct_yaml_float(node)
 
 
 _Loader.add_implicit_resolver("tag:yaml.org,2002:float", NUMBER, list("-+.0123456789"))
+_Loader.add_constructor("tag:yaml.org,2002:int", _whole_number)
+_Loader.add_constructor("tag:yaml.org,2002:float", _number)
 
 
 def yaml_content(text: str) -> Any:

@@ -151,10 +151,15 @@ def test_aliases_and_merge_keys_of_a_sensible_size(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "number"), [("1e-3", 1e-3), ("-2.5E+4", -2.5e4), (".5e1", 5.0), ("1e3", 1e3)]
+    ("text", "number"),
+    [
+        *[("1e-3", 1e-3), ("-2.5E+4", -2.5e4), (".5e1", 5.0), ("1e3", 1e3)],
+        *[("0500", 500), ("-015", -15), ("00", 0), ("0_100", 100), ("0x10", 16)],
+        *[("8:20", "8:20"), ("1:30.5", "1:30.5")],
+    ],
 )
-def test_numbers_as_people_write_them(tmp_path: Path, text: str, number: float) -> None:
-    """PyYAML follows YAML 1.1, where these are texts."""
+def test_numbers_as_people_write_them(tmp_path: Path, text: str, number: float | str) -> None:
+    """PyYAML follows YAML 1.1, where 1e-3 is a text, 0500 is 320 and 8:20 is 500."""
     path = tmp_path / "a.yaml"
     path.write_text(f"a: {text}\nb: '{text}'")
     assert read_yaml(path) == {"a": number, "b": text}
