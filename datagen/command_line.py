@@ -51,6 +51,8 @@ COMMANDS = (
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; return its exit code (0 done, 1 failed, 2 wrong input)."""
     options = parsed(_parser(), arguments)
+    # dolfinx reads the words for itself, as UTF-8
+    sys.argv = [word.encode(errors="replace").decode() for word in sys.argv]
     command: Callable[[argparse.Namespace], None] = options.command
     if "collective" in options:
         return _on_every_rank(lambda: command(options))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import io
 import logging
 import os
 import re
@@ -179,6 +180,7 @@ def logged(program: str) -> Iterator[None]:
 
 def parsed(parser: Parser, arguments: Sequence[str] | None) -> argparse.Namespace:
     """Parse the arguments of a command line; SystemExit after an error or the help."""
+    _let_streams_take_everything()
     try:
         try:
             return parser.parse_args(arguments)
@@ -186,6 +188,16 @@ def parsed(parser: Parser, arguments: Sequence[str] | None) -> argparse.Namespac
             sys.stdout.flush()  # of the help
     except BrokenPipeError:
         raise SystemExit(nobody_reads()) from None
+
+
+def _let_streams_take_everything() -> None:
+    """Let what is printed go nowhere if a stream is closed, and escape what it cannot encode."""
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:
+            setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115
+        elif isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
 
 
 def nobody_reads() -> int:

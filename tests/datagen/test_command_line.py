@@ -265,3 +265,13 @@ def test_list_has_a_line_for_each_case(
     assert "one to four random nodal forces" in line
     for name in ("beam2d", "finger3d"):
         assert read_case(name).name == name
+
+
+def test_a_name_that_is_not_utf8(tmp_path: Path) -> None:
+    """A file of a system with Latin-1 names, which dolfinx cannot read from the command line."""
+    out = os.fsencode(tmp_path) + b"/caf\xe9.npz"
+    code = "import sys; from datagen.command_line import main; sys.exit(main())"
+    words = [sys.executable, "-c", code, "solve", "beam2d", "--load", CORNER, "--out"]
+    done = subprocess.run([*words, os.fsdecode(out)], capture_output=True, check=False)
+    assert done.returncode == 0
+    assert Path(os.fsdecode(out)).is_file()

@@ -1,6 +1,9 @@
 from __future__ import annotations
 
 import logging
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -70,3 +73,29 @@ def test_what_the_library_logs_is_printed_by_a_command(capsys: pytest.CaptureFix
     )
     command()
     assert "prog:" not in capsys.readouterr().err
+
+
+PRINTS = """
+import sys
+from shared_schema.common.command_line import add_command, make_parser, parsed, run_command
+parser, commands = make_parser("prog", "prints", "1")
+add_command(commands, "run", "run")
+parsed(parser, ["run"])
+sys.exit(run_command("prog", lambda: print("0.1 µm")))
+"""
+
+
+def test_a_stream_that_cannot_encode_escapes() -> None:
+    """A micrometre in ASCII, as in a locale of before UTF-8."""
+    words = [sys.executable, "-c", PRINTS]
+    surroundings = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    done = subprocess.run(words, env=surroundings, capture_output=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, b"0.1 \\xb5m\n", b"")
+
+
+@pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-"])
+def test_closed_streams(closed: str) -> None:
+    """A service manager may start a program without them."""
+    words = ["sh", "-c", f'exec "$0" -c "$1" {closed}', sys.executable, PRINTS]
+    done = subprocess.run(words, capture_output=True, check=False)
+    assert (done.returncode, done.stderr) == (0, b"")
