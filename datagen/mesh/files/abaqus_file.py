@@ -1,8 +1,8 @@
 """Meshes of Abaqus and CalculiX (``.inp``): nodes, elements and their sets, parts and instances.
 
 Sets of an instance keep their name, with that of the instance before it (``PLATE-2.wall``) if there
-are several. What makes nodes or elements by a rule, or stands in another file, is refused. Format:
-*Abaqus Keywords Reference Guide*.
+are several. What makes nodes or elements by a rule, ties nodes to others, or stands in another file
+is refused. An empty coordinate is 0. Format: *Abaqus Keywords Reference Guide*.
 """
 
 from __future__ import annotations
@@ -27,10 +27,11 @@ PLANE = {3: "triangle", 4: "quad", 6: "triangle6", 8: "quad8"}
 LINE = {2: "line", 3: "line3"}
 TYPES = (  # of elements: the beginning of their names up to the number of nodes, and their shapes
     (re.compile(r"C3D(\d+)"), SOLID),
-    (re.compile(r"(?:CPE|CPS|CPEG|CAX|S|STRI|M3D|R3D|SFM3D)(\d+)"), PLANE),
+    (re.compile(r"(?:CPE|CPS|CPEG|S|STRI|M3D|R3D|SFM3D)(\d+)"), PLANE),
     (re.compile(r"(?:T2D|T3D|R2D)(\d+)"), LINE),
 )
 MAKERS = ("NGEN", "NFILL", "NMAP", "NCOPY", "ELGEN", "ELCOPY", "SYSTEM", "INCLUDE", "IMPORT")
+TIES = ("TIE", "EQUATION", "MPC", "RIGID BODY", "COUPLING", "EMBEDDED ELEMENT")
 Numbers = tuple[int, ...]
 Sets = dict[str, Numbers]
 T = TypeVar("T")
@@ -145,6 +146,8 @@ class _Model:
             raise ValueError(
                 f"*{keyword.name} is not read, expected all nodes and elements in this file"
             )
+        if keyword.name in TIES:
+            raise ValueError(f"*{keyword.name} is not read, expected parts that share their nodes")
         match keyword.name:
             case "PART":
                 self.current = self.parts[keyword.given("NAME").upper()] = _Part()
@@ -185,7 +188,7 @@ class _Model:
             number = int(row[0])
             if number in self.current.nodes:
                 raise ValueError(f"node {number} stands there twice, expected once")
-            self.current.nodes[number] = [_number(word) for word in row[1:4] if word]
+            self.current.nodes[number] = [_number(word or "0") for word in row[1:4]]
         if "NSET" in keyword.options:
             members = tuple(int(row[0]) for row in keyword.data)
             _add(self.current.node_sets, keyword.options["NSET"], members)
@@ -268,6 +271,10 @@ def _shape(kind: str) -> tuple[str, int]:
             return shapes[int(match[1])], int(match[1])
     if re.match(r"B[23]1", kind):
         return "line", 2
+    if kind.startswith("CAX"):
+        raise ValueError(
+            f"elements of type {kind} are of a body of revolution, expected plane strain"
+        )
     raise ValueError(
         f"elements of type {kind} are not read, expected solids (C3D4, C3D8), plane ones (CPE3, "
         "CPE4, CPS3, CPS4), shells, trusses or beams"

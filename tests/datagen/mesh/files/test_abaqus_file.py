@@ -53,6 +53,14 @@ def test_a_plane_strain_element(tmp_path: Path) -> None:
     assert np.array_equal(body.clamped, mesh.coordinates[:, 0] == 0)
 
 
+@pytest.mark.parametrize("zero", ["", " ", "0"])
+def test_empty_coordinates_are_zero(zero: str, tmp_path: Path) -> None:
+    """In the plane x, z of a block, all of y may be left out."""
+    text = f"*NODE\n1,,{zero},{zero}\n2, 2.,{zero}\n3, 2., 1.,\n4, {zero}, 1.\n"
+    mesh = mesh_at(written(tmp_path, f"{text}*ELEMENT, TYPE=CPE4\n1, 1, 2, 3, 4\n"))
+    assert mesh.coordinates.tolist() == [[0, 0], [2, 0], [2, 1], [0, 1]]
+
+
 def test_instances_stand_at_their_places(tmp_path: Path) -> None:
     """The second is moved by 1 m, then turned by 90° about (3, 0): 1 to 3 → x 2 to 3, y −2 to 0.
 
@@ -93,6 +101,8 @@ def test_one_instance_keeps_names_and_numbers(tmp_path: Path) -> None:
         ("*NODE", "*INCLUDE, INPUT=nodes.inp\n*NODE", r"line 1: \*INCLUDE is not read"),
         ("*NODE", "*NODE, INPUT=nodes.txt", r"\*NODE of another file"),
         ("*NODE", "*NODE, SYSTEM=C", "cylindrical or spherical"),
+        ("CPE4R", "CAX4", "line 6: elements of type CAX4 are of a body of revolution"),
+        ("*NSET, NSET=wall", "*TIE, NAME=t\na, b\n*NSET, NSET=wall", r"line 8: \*TIE is not read"),
     ],
 )
 def test_what_is_not_read(old: str, new: str, said: str, tmp_path: Path) -> None:
