@@ -106,7 +106,7 @@ def test_forces_of_files(body: LoadedBody, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("load", "said"),
     [
-        ("hole:1,2", "no such group, the mesh has corners, end, top"),
+        ("hole:1,2", "no such group, the mesh has corners, end, root, top"),
         ("top:1,2,3", "expected 2 numbers (N), or one (Pa)"),
         ("top:nan", "expected finite numbers"),
         ("top:x", "expected 2 numbers (N), or one (Pa)"),
@@ -120,9 +120,14 @@ def test_forces_of_files(body: LoadedBody, tmp_path: Path) -> None:
         ("5,1,nan:1,1", "expected finite numbers"),
         ("5,2,0.5:1,1", "no part of the surface lies within 0.5 m of it"),
         ("5,1,0.5:1", "expected X,Y:FX,FY, or X,Y,R:FX,FY"),
+        ("root:1,0", "all of it acts on supports"),
+        ("root:1", "all of it acts on supports"),
+        ("0,0.5,0.6:1,0", "all of it acts on supports"),
     ],
 )
 def test_wrong_loads(body: LoadedBody, load: str, said: str) -> None:
+    body.held[3] |= load == "root:1"  # the left edge does not move at all
+    body = replace(body, groups={**body.groups, "root": marked(0, 3)})
     with pytest.raises(InputError) as error:
         given(body, load)
     assert said in str(error.value)
@@ -292,3 +297,8 @@ def test_forces_between_of_a_file(quadratic: LoadedBody, body: LoadedBody, tmp_p
 def test_a_force_at_a_node_stays_one_at_a_corner(quadratic: LoadedBody) -> None:
     loads = given(quadratic, "5,1:1,0", "corners:3,6")
     assert between(quadratic, loads) == {}
+
+
+def test_forces_that_are_not_finite(body: LoadedBody) -> None:
+    with pytest.raises(InputError, match="nodal forces hold a NaN or an infinity"):
+        command_loads(body, np.full(X.shape, np.nan))

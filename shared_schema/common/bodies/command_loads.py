@@ -181,9 +181,11 @@ class CommandLoads:
         between = np.where(points.held(held), 0.0, forces)[points.nodes :]
         return np.where(held, 0.0, points.on_nodes(forces)), between
 
-    def _distribute(self, shares: Array, total: Sequence[float]) -> None:
-        """Add a force of which every point takes a share, (n_points,)."""
+    def _distribute(self, shares: Array, total: Sequence[float], option: str) -> None:
+        """Add a force of which every point takes a share, (n_points,), unless all are held."""
         forces, between = self._parts(np.outer(shares, total))
+        if np.any(total) and not (forces.any() or between.any()):
+            raise InputError(f"{option}: all of it acts on supports, expected a part on free nodes")
         self.forces += forces
         self.between += between
 
@@ -220,10 +222,12 @@ class CommandLoads:
             facets = self.body.facets_of(name)
             if not len(facets):
                 raise InputError(f"--load '{text}': the group has no facet to press on")
+            if self.body.clamped[facets].all():
+                raise InputError(f"--load '{text}': all of it acts on supports")
             self.surfaces.append(self._all_points(facets))
             self.pressures.append(numbers[0])
             return
-        self._distribute(self._shares(name), numbers)
+        self._distribute(self._shares(name), numbers, f"--load '{text}'")
 
     def _add_patch(self, text: str, place: str, values: str) -> None:
         """Add a force that is spread over a part of the surface."""
@@ -239,7 +243,7 @@ class CommandLoads:
         weights = surface.weights(np.array(centre), radius)
         if not weights.any():
             raise InputError(f"{option}: no part of the surface lies within {radius:g} m of it")
-        self._distribute(weights / weights.sum(), numbers)
+        self._distribute(weights / weights.sum(), numbers, option)
 
     def add_body_force(self, density: str | Sequence[float]) -> None:
         """Add a force in N per m³ everywhere; what acts on held components the supports bear.
@@ -253,11 +257,13 @@ class CommandLoads:
         text = density if isinstance(density, str) else ",".join(map(str, density))
         numbers = _numbers(text, f"--body-force '{text}'", f"{d} numbers (N/m³)", (d,))
         cells = self.body.cells if self.body.points is None else self.body.points.cells
-        self._distribute(nodal_volumes(self.body.positions, cells), numbers)
+        self._distribute(nodal_volumes(self.body.positions, cells), numbers, "--body-force")
 
     def add_forces(self, forces: Array) -> None:
         """Add nodal forces, (n_nodes, d) in N; InputError if they are none, or one is held."""
         forces = real_numbers(forces, "nodal forces")
+        if not np.isfinite(forces).all():
+            raise InputError("nodal forces hold a NaN or an infinity, expected finite numbers in N")
         if forces.shape != self.forces.shape:
             raise InputError(f"load of shape {forces.shape}: expected {self.forces.shape}")
         self._require_free(forces, "load")

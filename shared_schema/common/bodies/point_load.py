@@ -12,6 +12,7 @@ from shared_schema.common.errors import InputError
 from shared_schema.common.nodal_forces import scatter_forces
 
 RELATIVE_TOLERANCE = 1e-4  # of the size of the mesh, for places given in four decimals
+COINCIDENT = 1e-9  # of the size of the mesh: the distance of nodes that stand at one place
 
 
 @dataclass(frozen=True)
@@ -105,9 +106,10 @@ def node_at(
     Raises
     ------
     InputError
-        If none stands there, or it is clamped; the message begins with `option`.
+        If none or several stand there, or it is clamped; the message begins with `option`.
     """
-    tolerance = RELATIVE_TOLERANCE * float(np.ptp(coordinates, axis=0).max())
+    size = float(np.ptp(coordinates, axis=0).max())
+    tolerance = RELATIVE_TOLERANCE * size
     distance = np.linalg.norm(coordinates - position, axis=1)
     if nearest:
         distance[clamped] = np.inf
@@ -120,4 +122,10 @@ def node_at(
             notes.append(f"{option}: acts at the nearest node, {at}")
     if clamped[node]:
         raise InputError(f"{option}: the node is clamped, expected a free one")
+    here = np.linalg.norm(coordinates - coordinates[node], axis=1) <= COINCIDENT * size
+    if here.sum() > 1:
+        raise InputError(
+            f"{option}: nodes {', '.join(map(str, np.flatnonzero(here)))} (from 0) stand there, "
+            "where parts of the body are not joined: expected one, such as in a group"
+        )
     return node

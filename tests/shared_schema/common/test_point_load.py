@@ -57,3 +57,12 @@ def test_tolerance_is_a_ten_thousandth_of_the_size() -> None:
 def test_clamped_node() -> None:
     with pytest.raises(InputError, match="'0,1:0,1': the node is clamped"):
         nodal_forces(["4,1:0,1", "0,1:0,1"], COORDINATES, CLAMPED)
+
+
+def test_several_nodes_at_one_place() -> None:
+    """Two blocks side by side that are not joined: the force would act on one of them."""
+    x = np.vstack((COORDINATES, COORDINATES + np.array([4, 0])))
+    free = np.zeros(8, dtype=bool)
+    with pytest.raises(InputError, match=r"nodes 2, 7 \(from 0\) stand there, where parts of the"):
+        nodal_forces(["4,1:0,1"], x, free)
+    assert nodal_forces(["8,1:0,1"], x, free)[6].tolist() == [0, 1]
