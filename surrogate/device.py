@@ -130,3 +130,21 @@ class _Switch:
 
 
 _CONVOLUTIONS, _PRODUCTS = _Switch(torch.backends.cudnn), _Switch(torch.backends.cuda.matmul)
+
+
+@contextmanager
+def defaults_of_torch() -> Iterator[None]:
+    """Make tensors as PyTorch does unless a program says otherwise.
+
+    They are of single precision, on the CPU, and can take part in derivatives, whatever
+    `torch.set_default_dtype`, `torch.set_default_device` or `torch.inference_mode` say outside.
+    """
+    before = torch.get_default_dtype()
+    try:
+        if before != torch.float32:  # threads share it
+            torch.set_default_dtype(torch.float32)
+        with torch.device("cpu"), torch.inference_mode(False):
+            yield
+    finally:
+        if before != torch.float32:
+            torch.set_default_dtype(before)

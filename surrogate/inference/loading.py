@@ -14,7 +14,7 @@ from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.errors import InputError, first_line
 from surrogate.data.elements_of_case import loads_of_before, with_elements
 from surrogate.data.geometry import PREFIX, Geometry
-from surrogate.device import choose_device
+from surrogate.device import choose_device, defaults_of_torch
 from surrogate.hardware import memory_errors
 from surrogate.inference.modal_cubature import balance, read_cubature
 from surrogate.inference.surrogate import Surrogate
@@ -72,7 +72,13 @@ def load(
     InputError
         If there is no finished run, its files are damaged, or a weight is not finite.
     """
-    folder = RunFolder(find_run(run))
+    with defaults_of_torch():
+        return _loaded(RunFolder(find_run(run)), device, precision)
+
+
+def _loaded(
+    folder: RunFolder, device: str, precision: Literal["float32", "tensorfloat32"]
+) -> Surrogate:
     if folder.unsealed:
         logger.warning(folder.unsealed)
     description = folder.description()

@@ -19,10 +19,12 @@ def real_numbers(value: Any, name: str) -> NDArray[np.float64]:
     Raises
     ------
     InputError
-        If they are complex, masked, or no numbers.
+        If they are complex, masked, sparse, or no numbers.
     """
     if hasattr(value, "detach"):  # a tensor, which may require gradients
-        value = value.detach().cpu()
+        if value.is_meta or "strided" not in str(value.layout):
+            raise InputError(f"{name} are a tensor without all its numbers, expected a dense one")
+        value = value.detach().cpu().resolve_conj().resolve_neg()
         value = (value if value.is_complex() else value.double()).numpy()
     if np.ma.isMaskedArray(value):
         raise InputError(f"{name} are a masked array, expected an array without a mask")
