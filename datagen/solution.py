@@ -285,7 +285,7 @@ def _solved(
     if start is not None and (given.surfaces or given.moved.any() or pushing.tool is not None):
         raise InputError(f"--start{said}: expected forces only, no pressure, --hold or --tool")
     problem.load.contact = pushing.on(body)
-    if (warning := body.warning()) is not None:
+    for warning in body.warnings():
         logger.warning(warning)
     nodes = np.flatnonzero(given.forces.any(axis=1))
     load, origin = (nodes, given.forces[nodes]), ""
@@ -316,9 +316,9 @@ def _solved(
             f"a node is {case.units.written(contact.penetration)} inside the tool, expected one "
             "that comes from outside of the body"
         )
-    warning = size_warning(displacement, mesh.coordinates, "the largest displacement")
-    if warning is not None:
-        logger.warning(warning)
+    unusual = size_warning(displacement, mesh.coordinates, "the largest displacement")
+    if unusual is not None:
+        logger.warning(unusual)
     force, between, grip = given.at_rest, given.at_rest_between, problem.grip()
     if given.body.points is None or between is None:
         force = force + grip

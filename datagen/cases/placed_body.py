@@ -18,6 +18,7 @@ from datagen.loads import LoadableNodes, LoadFamily, LoadsTogether
 from datagen.mesh.group_names import groups_of_sides
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.mesh.regions import Region
+from datagen.mesh.split_nodes import split_warning
 from shared_schema.common.bodies.cells import boundary_facets
 from shared_schema.common.bodies.groups import GroupParts, group_arrays
 from shared_schema.common.bodies.quadratic.points_between import PointsBetween
@@ -70,10 +71,11 @@ class PlacedBody:
         """Nodes of the surface."""
         return np.unique(boundary_facets(self.mesh.cells, self.mesh.cell_type))
 
-    def warning(self) -> str | None:
-        """What the numbers of this body are not good for, if there is something."""
+    def warnings(self) -> list[str]:
+        """What the numbers of this body are not good for."""
         ratio = max(ratio_at_rest(material) for material in self.case.materials)
-        return locking_warning(self.case.element, self.mesh.cell_type, ratio)
+        locking = locking_warning(self.case.element, self.mesh.cell_type, ratio)
+        return [said for said in (locking, split_warning(self.mesh.coordinates)) if said]
 
     def shard_arrays(self) -> dict[str, Any]:
         """Arrays of the mesh that every shard holds, by their paths in the schema."""

@@ -71,7 +71,7 @@ def body(
     folder = Path(out)
     _require_bodies_only(folder)
     on_mesh = _on_mesh(found)
-    if (warning := on_mesh.warning()) is not None:
+    for warning in on_mesh.warnings():
         logger.warning(warning)
     force = _forces_drawn(on_mesh)
     with locked(folder):

@@ -120,7 +120,7 @@ def _run(case: Case, folder: Path, group: RankGroup) -> Manifest:
         solver: SolverRecord | None = None
         if remaining:
             body = body or _body(case, group)
-            if comm.rank == 0 and (warning := body.warning()) is not None:
+            for warning in body.warnings() if comm.rank == 0 else ():
                 logger.warning(warning)
             _make_shards(case, journal, remaining, group, body)
             solver = _solver_record(body, comm)
