@@ -21,6 +21,7 @@ PROGRAMS = {  # in whose environment a benchmark is measured
     "batches": "surrogate",
     "bounded-loads": "surrogate",
     "certificates": "surrogate",
+    "claims": "surrogate",
     "corrections": "datagen",
     "directions": "surrogate",
     "elements": "datagen",

@@ -155,9 +155,9 @@ def descend(
         enough |= count == 1 and estimate <= FIRST * allowed
         if small and aim.tolerance is not None and (enough or count > FEW):
             if enough and body.softest(state, f) >= SOFT:
-                last = state.u + d
-                best = state.u if body.is_inverted(last) else last
-                return best[:nodes], Descent(count, estimate, allowed, reached=True)
+                for last in (state.u + d, state.u):
+                    if not body.is_inverted(last):
+                        return last[:nodes], Descent(count, estimate, allowed, reached=True)
             if aim.has_time(clock() - begun):
                 end = settle(directions, state, aim, lambda: aim.has_time(clock() - begun))
                 ends = count + end.steps, end.estimate, end.allowed, end.reached, end.stable

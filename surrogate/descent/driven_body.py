@@ -138,7 +138,17 @@ class DrivenBody:
         return float(np.linalg.norm(state.r)) <= allowed
 
     def is_inverted(self, u: Array) -> bool:
-        """Whether a displacement (n_points, d) inverts a cell."""
+        """Whether a displacement (n_points, d) inverts a cell, or does so at its nodes alone.
+
+        Where a result is used, points between the nodes are found from their interpolation
+        (`surrogate.mechanics.quadratic`): if that inverts a cell, the nodes do not tell the state.
+        """
+        nodes = self.equilibrium.nodes
+        if nodes < len(u) and self._inverts(self.equilibrium.interpolated(u[None, :nodes])[0]):
+            return True
+        return self._inverts(u)
+
+    def _inverts(self, u: Array) -> bool:
         if self.fields is None:
             return bool(self.equilibrium.inverted(u[None])[0])
         return not bool((jacobian(self.fields.deformation_gradient(u))[0] > 0).all())

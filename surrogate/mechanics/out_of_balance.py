@@ -154,6 +154,10 @@ class Equilibrium:
         """Displacements of all points by those of the nodes in m, under forces f on all in N."""
         return u
 
+    def interpolated(self, u: Array) -> Array:
+        """Displacements of all points in m, those between the nodes by interpolation."""
+        return u
+
     def forces_at_points(self, f: Array) -> Array:
         """Forces on all points by those of a load (`surrogate.mechanics.quadratic`), in N."""
         return f

@@ -68,11 +68,15 @@ class QuadraticEquilibrium(Equilibrium):
         From (N, n_nodes, d) to (N, n_points, d). The points between are interpolated where cells
         are inverted.
         """
-        found = self.points.interpolated(u)
+        found = self.interpolated(u)
         for row in np.flatnonzero(self.inverted(found) == 0):
             one = slice(row, row + 1)
             found[one] = self._balanced(found[one], f[one])
         return found
+
+    def interpolated(self, u: Array) -> Array:
+        """Displacements of all points in m: (N, n_nodes, d) → (N, n_points, d)."""
+        return self.points.interpolated(u)
 
     def forces_at_points(self, f: Array) -> Array:
         """Forces on all points by those of a load, in N: (N, n_nodes or n_points, d) → latter."""
@@ -88,7 +92,7 @@ class QuadraticEquilibrium(Equilibrium):
     def imperfection(self) -> Array:
         """Imperfection of the nodes, interpolated."""
         d = self.geometry.dimension
-        return self.points.interpolated(imperfection((self.nodes, d)))
+        return self.interpolated(imperfection((self.nodes, d)))
 
     @cached_property
     def _held_at_nodes(self) -> Equilibrium:

@@ -72,6 +72,7 @@ def test_directions_are_compared() -> None:
         "bounded-loads-space",
         "certificates-beam2d_any",
         "certificates-beam3d_any",
+        "claims",
         "directions",
         "error-over-time",
         "further-training-beam3d_coarse-reduced",
@@ -101,7 +102,7 @@ def test_pages_are_made_from_the_records(name: str) -> None:
 
 def test_programs_are_those_of_the_files() -> None:
     files = {path.stem.replace("_", "-") for path in Path(benchmarks.__path__[0]).glob("*.py")}
-    no_benchmarks = {"--init--", "benchmark", "corrected-loads", "tutorial"}
+    no_benchmarks = {"--init--", "benchmark", "corrected-loads", "suspect-loads", "tutorial"}
     assert set(PROGRAMS) == files - no_benchmarks
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from shared_schema.grid import Grid
 from surrogate.certify.correction import correct
@@ -16,6 +17,7 @@ from surrogate.descent import Aim, Descent, DrivenBody, descend
 from surrogate.descent.driven_body import longest
 from surrogate.mechanics.out_of_balance import Equilibrium
 from tests.surrogate.conftest import box_cells
+from tests.surrogate.descent.test_carried_compliance import body_of
 from tests.surrogate.mechanics.bodies import MATERIAL
 
 TOLERANCE = 5e-3
@@ -106,3 +108,24 @@ def test_a_state_that_is_far_out_of_balance_is_no_small_last_term() -> None:
     truth = correct(body, force, found).displacement
     assert descent.directions > 0
     assert not descent.reached or longest(found - truth) <= TOLERANCE * longest(truth)
+
+
+@pytest.mark.parametrize(
+    ("kind", "node", "push"),
+    [
+        ("triangle, points between, mean dilation", 15, -30.0),
+        ("quad, points between", 11, -100.0),
+    ],
+)
+def test_nodes_that_do_not_tell_their_state(kind: str, node: int, push: float) -> None:
+    """Newtons along the side of a body of 2 m: at the nodes alone the equilibrium inverts a cell.
+
+    Stresses, reactions and certificates of a result find the points between the nodes from there.
+    """
+    body = body_of(kind)
+    force = np.zeros((body.nodes, 2))
+    force[node, 0] = push
+    u, descent = descend(DrivenBody.of(body), force, np.zeros_like(force), Aim(TOLERANCE))
+    f = body.forces_at_points(force[None])
+    assert body.inverted(body.at_points(u[None], f))[0] > 0
+    assert (descent.reached, descent.stable) == (False, True)
