@@ -10,6 +10,8 @@ from shared_schema.common.bodies.quadratic.points_between import PointsBetween
 from shared_schema.layout import NO_NODE, Arrays
 from shared_schema.manifest import Manifest
 
+UNIT = 1e-9  # largest difference of the length of a direction from 1
+
 
 def content_problems(manifest: Manifest, arrays: Arrays) -> list[str]:
     """List what is wrong with the values: node numbers, load cases, the grid."""
@@ -107,6 +109,7 @@ def body_problems(arrays: Arrays) -> list[str]:
         *_held(arrays),
         *_groups(arrays),
         *_materials(arrays),
+        *_fibres(arrays),
         *_pressures(arrays),
         *_forces_between(arrays),
     ]
@@ -156,6 +159,22 @@ def _materials(arrays: Arrays) -> list[str]:
     if values is not None and values.size and values.min() < 0:
         return [f"dataset 'mesh/material' is {values.min()}, expected 0 at least"]
     return []
+
+
+def _fibres(arrays: Arrays) -> list[str]:
+    """Name directions that are neither of length 1 nor 0."""
+    values = arrays.get("mesh/fibres")
+    if values is None:
+        return []
+    lengths = np.linalg.norm(values, axis=2)
+    fit = (lengths == 0) | (np.abs(lengths - 1) < UNIT)
+    if fit.all():
+        return []
+    cell, family = np.argwhere(~fit)[0]
+    return [
+        f"dataset 'mesh/fibres' has a vector of length {lengths[cell, family]:g} in cell {cell}, "
+        "expected 1, or 0 for none"
+    ]
 
 
 def _pressures(arrays: Arrays) -> list[str]:

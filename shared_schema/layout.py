@@ -4,8 +4,8 @@ Axes are named: ``sample``, ``node``, ``dim`` (space dimension d), ``cell``, ``c
 ``load`` (loaded nodes of a sample, padded), ``failed``; ``*grid`` stands for nx, ny[, nz];
 ``source`` (nodes that a grid point's value is made of), ``target`` (grid points for a node's),
 ``entry``, ``pointer`` (of a sparse matrix); ``group`` (of nodes), ``facet``, ``facet_corner`` and
-``surface`` (of the body's surface under pressure); ``pose`` (centre and radius of a ball);
-``between`` (points of quadratic elements between the nodes, in the order of
+``surface`` (of the body's surface under pressure); ``family`` (of fibres); ``pose`` (centre and
+radius of a ball); ``between`` (points of quadratic elements between the nodes, in the order of
 `shared_schema.common.bodies.quadratic.points_between`).
 An axis has the same length wherever it appears in one shard, and all axes but ``sample``,
 ``failed`` have the same length in every shard of a dataset.
@@ -82,6 +82,15 @@ MESH = (
         ("cell",),
         "1",
         "position of each cell's material in the case, if it has several",
+        optional=True,
+    ),
+    ArrayLayout(
+        "mesh/fibres",
+        "float64",
+        ("cell", "family", "dim"),
+        "1",
+        "unit vectors of the families of fibres in the undeformed body, if a material has some; 0 "
+        "where a cell's material has fewer",
         optional=True,
     ),
     ArrayLayout("mesh/group_names", "str", ("group",), "1", "names of the groups", optional=True),

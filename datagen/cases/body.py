@@ -60,7 +60,7 @@ def make_body(case: Case, comm: Any, driven: Driven | None = None) -> Body:
     drive = body.loads if driven is None else driven(mesh, body.held)
     known = mesh, case.material, body.held, case.solver, case.element, body.parts
     try:
-        problem = EquilibriumProblem(*known, drive.moved, drive.surfaces)
+        problem = EquilibriumProblem(*known, drive.moved, drive.surfaces, body.fibres)
     except InputError as error:
         raise InputError(f"case '{case.name}': {error}") from None
-    return Body(case, mesh, body.held, body.parts, body.loads, problem)
+    return Body(case, mesh, body.held, body.parts, body.fibres, body.loads, problem)

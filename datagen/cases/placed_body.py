@@ -15,6 +15,7 @@ from datagen.cases.rigid_motions import motion_problem
 from datagen.discretisation.element import element_kind
 from datagen.discretisation.locking import locking_warning
 from datagen.loads import LoadableNodes, LoadFamily, LoadsTogether
+from datagen.materials.fibre_directions import fibres_of_cells
 from datagen.mesh.group_names import groups_of_sides
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.mesh.regions import Region
@@ -38,6 +39,8 @@ class PlacedBody:
         Components of displacement that supports hold at zero, by node number.
     parts : array of int, (n_cells,), or None
         Position of each cell's material in the case, if it has several.
+    fibres : array, (n_cells, families, d), or None
+        Unit vectors of the fibres in each cell, 0 where its material has fewer families.
     loads : LoadsTogether
         The load cases, by their sample number.
     """
@@ -46,6 +49,7 @@ class PlacedBody:
     mesh: RawMesh
     held: NDArray[np.bool_]
     parts: NDArray[np.int64] | None
+    fibres: NDArray[np.float64] | None
     loads: LoadsTogether
 
     @property
@@ -90,6 +94,8 @@ class PlacedBody:
             arrays["mesh/held"] = self.held
         if self.parts is not None:
             arrays["mesh/material"] = self.parts
+        if self.fibres is not None:
+            arrays["mesh/fibres"] = self.fibres
         arrays |= group_arrays(mesh.node_sets, mesh.cells, mesh.cell_type, mesh.parts)
         surfaces = self.loads.pressed
         if surfaces:
@@ -110,6 +116,7 @@ def placed(case: Case, mesh: RawMesh) -> PlacedBody:
     """
     try:
         parts = _material_of_cells(case, mesh)
+        fibres = fibres_of_cells(case.material, parts, mesh)
     except InputError as error:
         raise InputError(f"case '{case.name}': {error}") from None
     dimension = mesh.coordinates.shape[1]
@@ -136,7 +143,7 @@ def placed(case: Case, mesh: RawMesh) -> PlacedBody:
         loads.check()
     except InputError as error:
         raise InputError(f"case '{case.name}': {error}") from None
-    return PlacedBody(case, mesh, held, parts, loads)
+    return PlacedBody(case, mesh, held, parts, fibres, loads)
 
 
 def points_of(case: Case, mesh: RawMesh) -> PointsBetween | None:

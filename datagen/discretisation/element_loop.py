@@ -34,7 +34,7 @@ class Kernel:
     Attributes
     ----------
     function : cffi function
-        Its only coefficient is the state.
+        Its coefficients are the state and, if there are some, the given values of each cell.
     constants : array
         Constants of the form, as packed by dolfinx.
     """
@@ -96,6 +96,8 @@ class ElementLoop:
         Cells that belong to the kernel; all by default.
     values : array, (size,), optional
         Array to add into, shared with other loops.
+    given : array, (n_cells, n_given), optional
+        Values of a second coefficient of the kernel, which is constant in each cell.
 
     Attributes
     ----------
@@ -113,7 +115,9 @@ class ElementLoop:
         elimination: Elimination | None = None,
         cells: NDArray[np.int64] | None = None,
         values: NDArray[np.float64] | None = None,
+        given: NDArray[np.float64] | None = None,
     ) -> None:
+        given = np.empty((len(dofs), 0)) if given is None else given[: len(dofs)]
         domain = state.function_space.mesh
         vertices = np.ascontiguousarray(geometry_nodes(domain)[: len(dofs)])
         volumes = None if elimination is None else elimination.volumes
@@ -122,8 +126,10 @@ class ElementLoop:
             dofs = np.ascontiguousarray(dofs[cells])
             vertices = np.ascontiguousarray(vertices[cells])
             volumes = None if volumes is None else np.ascontiguousarray(volumes[cells])
+            given = given[cells]
+        given = np.ascontiguousarray(given)
         points = np.ascontiguousarray(domain.geometry.x, dtype=np.float64)
-        counts = len(dofs), places.shape[1], dofs.shape[1], vertices.shape[1]
+        counts = len(dofs), places.shape[1], dofs.shape[1], vertices.shape[1], given.shape[1]
         self.values = np.zeros(size) if values is None else values
         arrays = [places, dofs, vertices, points, state.x.array, kernel.constants]
         addresses = [kernel.address]
@@ -133,7 +139,7 @@ class ElementLoop:
             addresses += [elimination.deformed_volume.address, elimination.residual.address]
             arrays += [elimination.residual.constants, volumes, elimination.before]
             work = (dofs.shape[1] + 2) * (dofs.shape[1] + 4) + 3 * vertices.shape[1]
-        arrays += [np.empty(work), self.values]
+        arrays += [given, np.empty(work + given.shape[1]), self.values]
         # C sees only addresses, so the arrays must be kept alive here.
         self._kept = arrays, kernel, elimination
         self._function = _load(
@@ -142,8 +148,7 @@ class ElementLoop:
                 if elimination is None
                 else ("mean_dilation", "add_mean_dilation_tensors")
             ),
-            len(addresses),
-            len(arrays),
+            (len(addresses), len(counts), len(arrays)),
         )
         self._arguments = (*addresses, *counts, *(array.ctypes.data for array in arrays))
 
@@ -171,6 +176,8 @@ class FormLoop:
         Part of the mesh that each cell belongs to, if the form has several.
     eliminations : mapping from int to Elimination, optional
         As for `ElementLoop`, by part of the mesh.
+    given : array, (n_cells, n_given), optional
+        As for `ElementLoop`.
     """
 
     def __init__(
@@ -182,6 +189,7 @@ class FormLoop:
         size: int,
         parts: NDArray[np.int64] | None = None,
         eliminations: Mapping[int, Elimination] | None = None,
+        given: NDArray[np.float64] | None = None,
     ) -> None:
         self.values = np.zeros(size)
         self._loops = [
@@ -194,6 +202,7 @@ class FormLoop:
                 None if eliminations is None else eliminations[part],
                 None if parts is None else np.flatnonzero(parts == part),
                 self.values,
+                given,
             )
             for part, kernel in kernels.items()
         ]
@@ -206,8 +215,8 @@ class FormLoop:
         return self.values
 
 
-def _load(file: str, name: str, kernels: int, arrays: int) -> Any:
-    """Load a function of kernels, 4 counts and arrays, compiling it if no earlier start has."""
+def _load(file: str, name: str, arguments: tuple[int, int, int]) -> Any:
+    """Load a function of kernels, counts and arrays, compiling it if no earlier start has."""
     source = FOLDER / f"{file}.c"
     texts = source.read_bytes() + (FOLDER / "element_kernel.h").read_bytes()
     content = texts + " ".join(COMPILER_FLAGS).encode()
@@ -220,6 +229,7 @@ def _load(file: str, name: str, kernels: int, arrays: int) -> Any:
             built.replace(library)
     function = getattr(ctypes.CDLL(str(library)), name)
     pointer = ctypes.c_void_p
-    function.argtypes = [*(pointer,) * kernels, *(ctypes.c_int,) * 4, *(pointer,) * arrays]
+    kernels, counts, arrays = arguments
+    function.argtypes = [*(pointer,) * kernels, *(ctypes.c_int,) * counts, *(pointer,) * arrays]
     function.restype = None
     return function

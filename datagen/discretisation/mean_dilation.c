@@ -64,17 +64,19 @@ static double foretold_dilation(mean_dilation_cell *cell, const int32_t *dofs, c
  * of_residual  constants of R
  * volumes      (n_cells) V in m³
  * before       u' in the layout of u; u itself for the derivative of the forces
- * work         ((n_dofs + 2)² + 2 (n_dofs + 2) + 3 * n_vertices) scratch memory */
+ * given        (n_cells, n_given) given values, which follow u, θ and p
+ * work         ((n_dofs + 2)² + 2 (n_dofs + 2) + n_given + 3 * n_vertices) scratch memory */
 void add_mean_dilation_tensors(element_kernel *kernel, element_kernel *deformed,
                                element_kernel *residual, int n_cells, int n_entries, int n_dofs,
-                               int n_vertices, const int32_t *places, const int32_t *dofs,
+                               int n_vertices, int n_given, const int32_t *places, const int32_t *dofs,
                                const int32_t *vertices, const double *points, const double *u,
                                const double *constants, const double *of_residual,
-                               const double *volumes, const double *before, double *work,
-                               double *values)
+                               const double *volumes, const double *before,
+                               const double *given, double *work, double *values)
 {
     const int n = n_dofs, all = n_dofs + 2, theta = n, p = n + 1;
-    double *tensor = work, *state = work + all * all, *r = state + all, *coordinates = r + all;
+    double *tensor = work, *state = work + all * all, *r = state + all + n_given;
+    double *coordinates = r + all;
     const int is_tangent = n_entries == n * n, size = is_tangent ? all * all : n_entries == 1 ? 1 : all;
     for (int c = 0; c < n_cells; ++c) {
         const int32_t *own = dofs + c * n;
@@ -82,6 +84,8 @@ void add_mean_dilation_tensors(element_kernel *kernel, element_kernel *deformed,
         for (int i = 0; i < n_vertices; ++i)
             for (int k = 0; k < 3; ++k)
                 coordinates[3 * i + k] = points[3 * vertices[c * n_vertices + i] + k];
+        for (int i = 0; i < n_given; ++i)
+            state[all + i] = given[c * n_given + i];
         const double foretold = is_tangent ? foretold_dilation(&cell, own, u, before) : 1.0;
         for (int i = 0; i < n; ++i)
             state[i] = u[own[i]];

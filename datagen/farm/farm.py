@@ -346,8 +346,8 @@ def _manifest(case: Case, journal: Journal, shards: tuple[ShardEntry, ...]) -> M
     )  # else an earlier version has made the shards
     if checksum is None and corners_only:
         mesh = RawMesh(first["mesh/coordinates"], first["mesh/cells"], cell_type)
-        parts = first.get("mesh/material")
-        stiffness = stiffness_of(mesh, case.material, case.element, parts)
+        of_cells = first.get("mesh/material"), first.get("mesh/fibres")
+        stiffness = stiffness_of(mesh, case.material, case.element, *of_cells)
         first_digest = history[0].case_digest if history else case.digest()
         folder, units = journal.folder, case.units
         checksum = write_stiffness(folder, stiffness, first_digest, cell_type, units)

@@ -134,7 +134,7 @@ def dry_run(
     of_stiffness = 0
     if body.problem.kind.corners_only:
         raw = RawMesh(mesh.coordinates, mesh.cells, mesh.cell_type)
-        stiffness = stiffness_of(raw, case.material, case.element, body.parts)
+        stiffness = stiffness_of(raw, case.material, case.element, body.parts, body.fibres)
         of_stiffness = stiffness.data.nbytes + stiffness.indices.nbytes
     return DryRun(
         nodes=len(mesh.coordinates),

@@ -60,8 +60,11 @@ class CellStresses:
         count = len(problem.mesh.cells)
         of_cells = np.zeros(count, dtype=np.int64) if parts is None else parts
         local = problem.mesh.of_local_cells(of_cells)
+        fibres = problem.forms.fibres
+        function = None if fibres is None else fibres.function()
         for number, material in enumerate(materials):
-            w = energy_density(f, material, domain)
+            directions = [] if fibres is None else fibres.directions(function, number)
+            w = energy_density(f, material, domain, directions=directions)
             p = ufl.diff(w, f)
             values = [tensor[i, j] for tensor in (f, p) for i in range(3) for j in range(3)]
             expression = point_expression(ufl.as_vector([*values, w]), middle, COMPILER_OPTIONS)

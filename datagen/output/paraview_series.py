@@ -124,6 +124,7 @@ def _with_stresses(dataset: NodalSamples, folder: Path) -> Callable[[Sample], Fi
         element,
         parts=dataset.parts,
         surfaces=dataset.surfaces,
+        fibres=dataset.fibres,
     )
     cells = CellStresses(problem, as_tuple(material), dataset.parts)
     nothing = np.empty(0, dtype=np.int64), np.empty((0, problem.dimension))

@@ -23,6 +23,7 @@ def stiffness_of(
     material: Material | Sequence[Material],
     element: Element = "linear",
     parts: NDArray[np.int64] | None = None,
+    fibres: NDArray[np.float64] | None = None,
 ) -> Stiffness:
     """Assemble ∂f_int/∂u at u = 0, in N/m, without supports, on this rank alone.
 
@@ -32,7 +33,7 @@ def stiffness_of(
     free = np.zeros(len(mesh.coordinates), dtype=bool)
     domain = distributed(mesh, MPI.COMM_SELF)
     settings = SolverSettings(tolerance=1.0, linear_solver="lu")  # nothing is solved
-    problem = EquilibriumProblem(domain, material, free, settings, element, parts)
+    problem = EquilibriumProblem(domain, material, free, settings, element, parts, fibres=fibres)
     d, nodes = problem.dimension, problem.numbering.node_of_block
     number = (nodes[:, None] * d + np.arange(d)).ravel()
     indptr, indices, data = problem.tangent().getValuesCSR()

@@ -28,7 +28,7 @@ ELEMENTS = {  # meshio's names and CGNS's, with the same order of corners
     "tetra": "TETRA_4",
     "hexahedron": "HEXA_8",
 }
-NOT_CARRIED = ("mesh/held", "mesh/material", "mesh/pressed")
+NOT_CARRIED = ("mesh/held", "mesh/material", "mesh/fibres", "mesh/pressed")
 Backend = Literal["hf_datasets", "cgns", "zarr"]
 CASE = "Case: "  # before the case as JSON, in the last line of the description
 

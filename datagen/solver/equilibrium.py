@@ -40,6 +40,7 @@ from datagen.solver.acting_load import ActingLoad
 from datagen.solver.assembly import DistributedAssembly, SerialAssembly
 from datagen.solver.corotation import Corotation
 from datagen.solver.drag import Drag
+from datagen.solver.fibre_field import fibre_field
 from datagen.solver.linear_solver import chosen_solver
 from datagen.solver.load_series import LoadSeries
 from datagen.solver.minimum_jacobian import MinimumJ
@@ -130,6 +131,7 @@ class EquilibriumProblem:
         parts: NDArray[np.int64] | None = None,
         moved: NDArray[np.bool_] | None = None,
         surfaces: Sequence[NDArray[np.int64]] = (),
+        fibres: NDArray[np.float64] | None = None,
     ) -> None:
         self.mesh, self.comm = mesh, mesh.domain.comm
         self.dimension = mesh.coordinates.shape[1]
@@ -139,7 +141,9 @@ class EquilibriumProblem:
         self.points = self.unknowns.owned_points(mesh.coordinates)
         size = mean_edge(mesh.coordinates, mesh.cells)
         local_parts = None if parts is None else mesh.of_local_cells(parts)
-        self.forms = weak_form(self.unknowns, self.kind, material, size, local_parts)
+        materials = [material] if isinstance(material, Material) else material
+        field = fibre_field(mesh, materials, parts, fibres)
+        self.forms = weak_form(self.unknowns, self.kind, material, size, local_parts, field)
         held = clamped if clamped.ndim == 2 else np.repeat(clamped[:, None], self.dimension, axis=1)
         self.supports = Supports(
             self.unknowns, held, np.zeros_like(held) if moved is None else moved

@@ -16,6 +16,7 @@ dimensions the state is plane strain: F is completed by :math:`F_{33} = 1`, so t
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import dolfinx
@@ -24,6 +25,7 @@ from petsc4py import PETSc
 
 from shared_schema.materials import (
     VOLUMETRIC_TERMS,
+    FibreInvariants,
     Invariants,
     Material,
     NeoHookean,
@@ -84,7 +86,11 @@ def completed(f: Expression) -> Expression:
 
 
 def energy_density(
-    f: Expression, material: Material, domain: Any, dilation: Expression | None = None
+    f: Expression,
+    material: Material,
+    domain: Any,
+    dilation: Expression | None = None,
+    directions: Sequence[Expression] = (),
 ) -> Expression:
     """Strain energy density W(F) of any material in J/m³; with a dilation θ, W((θ/J)^(1/d) F).
 
@@ -99,7 +105,8 @@ def energy_density(
     domain : dolfinx.mesh.Mesh
     dilation : UFL scalar, optional
         θ, which takes the place of J (`element.py`).
-
+    directions : sequence of UFL vectors
+        Unit vectors of the families of fibres, with two components in the plane.
     """
     d, j = f.ufl_shape[0], ufl.det(f)
     squared = 1.0 if dilation is None else (dilation / j) ** (2 / d)
@@ -112,8 +119,23 @@ def energy_density(
     c, out_of_plane = f.T * f, 3 - d
     i1 = squared * ufl.tr(c) + out_of_plane
     i2 = (i1**2 - squared**2 * ufl.tr(c * c) - out_of_plane) / 2
+    fibres = tuple(_fibre_invariants(a, c, i1, i2, squared) for a in directions)
     scaled = material.model_copy(update=numbers)
-    return scaled.energy(Invariants(i1, i2, j if dilation is None else dilation), UFL)
+    return scaled.energy(Invariants(i1, i2, j if dilation is None else dilation, fibres), UFL)
+
+
+def _fibre_invariants(
+    direction: Expression, c: Expression, i1: Expression, i2: Expression, squared: Expression
+) -> FibreInvariants:
+    """I₄ = a·C a and K₄ = I₅ − I₁ I₄ + I₂, with I₅ = |C a|².
+
+    C is (d, d), without the factor `squared` that I₁ and I₂ have.
+    """
+    missing = c.ufl_shape[0] - len(direction)  # an axis that F was completed by
+    a = ufl.as_vector([*(direction[i] for i in range(len(direction))), *(0.0,) * missing])
+    row = ufl.dot(c, a)
+    stretch, fifth = squared * ufl.dot(a, row), squared**2 * ufl.dot(row, row)
+    return FibreInvariants(stretch, fifth - i1 * stretch + i2)
 
 
 def longitudinal_modulus(material: Material) -> float:

@@ -43,6 +43,7 @@ from datagen.dolfinx_versions import (
     mixed_space,
     pack_constants,
 )
+from datagen.solver.fibre_field import FibreField
 from datagen.solver.strain_energy import deformation_gradient, energy_density, longitudinal_modulus
 from shared_schema.materials import Material
 
@@ -94,6 +95,8 @@ class WeakForm:
     before : array, or None
         State at the last tangent of Newton's method, which those cells take their pressure from
         (`mean_dilation.c`).
+    fibres : FibreField, or None
+        Directions of the fibres of the materials.
     """
 
     energy: Any
@@ -103,6 +106,7 @@ class WeakForm:
     moduli: Moduli | None = None
     eliminations: Mapping[int, Elimination] | None = None
     before: NDArray[np.float64] | None = None
+    fibres: FibreField | None = None
 
     def loop(
         self, compiled: Any, unknowns: Unknowns, places: NDArray[np.int32], size: int
@@ -116,6 +120,7 @@ class WeakForm:
             size,
             self.parts,
             self.eliminations,
+            None if self.fibres is None else self.fibres.values,
         )
 
 
@@ -125,6 +130,7 @@ def weak_form(
     material: Material | Sequence[Material],
     size: float,
     parts: NDArray[np.int64] | None = None,
+    fibres: FibreField | None = None,
 ) -> WeakForm:
     """Derive and compile the forms (collective over the ranks of the mesh).
 
@@ -138,13 +144,20 @@ def weak_form(
         Size of the cells in m, the unit of dilations and pressures.
     parts : array of int, (n_local_cells,), optional
         Position of each cell's material in the sequence.
-
+    fibres : FibreField, optional
+        Directions of the fibres of the materials.
     """
     state = unknowns.state
     domain = state.function_space.mesh
     d = domain.geometry.dim
     dx = ufl.Measure("dx", domain, metadata={"quadrature_degree": kind.quadrature_degree})
     several = [(-1, material)] if isinstance(material, Material) else list(enumerate(material))
+    function: Any = None  # of the directions; made when the state exists, which comes first
+
+    def density(f: Any, part: int, material: Material, dilation: Any = None) -> Any:
+        directions = [] if fibres is None else fibres.directions(function, max(part, 0))
+        return energy_density(f, material, domain, dilation, directions)
+
     own_parts = None
     measures = {-1: dx}
     if not isinstance(material, Material):
@@ -157,21 +170,24 @@ def weak_form(
         of_parts = dx(subdomain_data=of_cells)
         measures = {part: of_parts(part) for part, _ in several}
 
-    def energy_of(density: Callable[[Any], Any]) -> Any:
-        terms = [density(each) * measures[part] for part, each in several]
+    def energy_of(density: Callable[[int, Material], Any]) -> Any:
+        terms = [density(part, each) * measures[part] for part, each in several]
         return sum(terms[1:], start=terms[0])
 
-    if kind.dilation == "pointwise":
-        f = deformation_gradient(state)
-        if own_parts is not None and of_one_model([each for _, each in several]):
-            energies = [energy_density(f, each, domain) * dx for _, each in several]
-            values = np.array([[float(c.value) for c in each.constants()] for each in energies])
-            moduli = Moduli(energies[0].constants(), values)
-            return WeakForm(*_derivatives(energies[0], state), own_parts, moduli)
-        energy = energy_of(lambda m: energy_density(f, m, domain))
-        return WeakForm(*_derivatives(energy, state), own_parts)
     if kind.dilation == "cell":
         state = dolfinx.fem.Function(mixed_space(domain, kind.degree, d, ("DG", 0)))
+    if fibres is not None:
+        function = fibres.function()
+    if kind.dilation == "pointwise":
+        f = deformation_gradient(state)
+        if own_parts is not None and of_one_model([each for _, each in several], fibres):
+            energies = [density(f, part, each) * dx for part, each in several]
+            values = np.array([[float(c.value) for c in each.constants()] for each in energies])
+            moduli = Moduli(energies[0].constants(), values)
+            return WeakForm(*_derivatives(energies[0], state), own_parts, moduli, fibres=fibres)
+        energy = energy_of(lambda part, m: density(f, part, m))
+        return WeakForm(*_derivatives(energy, state), own_parts, fibres=fibres)
+    if kind.dilation == "cell":
         u, dilation, pressure = ufl.split(state)
     else:
         u, t, q = ufl.split(state)
@@ -181,24 +197,28 @@ def weak_form(
         dilation, pressure = 1 + t / length, scale * q
     f = deformation_gradient(u)
     j = ufl.det(f)
-    energy = energy_of(lambda m: energy_density(f, m, domain, dilation) + pressure * (j - dilation))
+    energy = energy_of(lambda part, m: density(f, part, m, dilation) + pressure * (j - dilation))
     forms = _derivatives(energy, state)
     if kind.dilation == "continuous":
-        return WeakForm(*forms, own_parts)
+        return WeakForm(*forms, own_parts, fibres=fibres)
     volumes, before = cell_volumes(unknowns, dx), unknowns.state.x.array.copy()
     (deformed,) = kernels_of(form(j * dx, COMPILER_OPTIONS)).values()
     eliminations = {
         part: Elimination(deformed, kernel, volumes, before)
         for part, kernel in kernels_of(forms[1]).items()
     }
-    return WeakForm(*forms, own_parts, None, eliminations, before)
+    return WeakForm(*forms, own_parts, None, eliminations, before, fibres)
 
 
-def of_one_model(materials: Sequence[Material]) -> bool:
+def of_one_model(materials: Sequence[Material], fibres: FibreField | None = None) -> bool:
     """True for materials that differ in their moduli alone, numbers that are not whole."""
     kinds = {
-        (type(each), *((k, v) for k, v in each if not isinstance(v, float) and k != "group"))
-        for each in materials
+        (
+            type(each),
+            0 if fibres is None else fibres.counts[number],
+            *((k, v) for k, v in each if not isinstance(v, float) and k not in ("group", "fibres")),
+        )
+        for number, each in enumerate(materials)
     }
     return len(kinds) == 1
 

@@ -160,6 +160,7 @@ def _make(
             materials_of(manifest.case.get("material"), source),
             element,
             reader.body.get("mesh/material"),
+            reader.body.get("mesh/fibres"),
         )
     errors = np.concatenate(round_trips)
     info = StructuredInfo(

@@ -6,6 +6,8 @@ stiffness at rest follows from it.
 """
 
 from shared_schema.materials.at_rest import AtRest, at_rest
+from shared_schema.materials.fibre_reinforced import Guccione, HolzapfelGasserOgden
+from shared_schema.materials.fibres import FibreFile, FibreReinforced, Fibres, WithFibres
 from shared_schema.materials.isotropic import (
     VOLUMETRIC_TERMS,
     NeoHookean,
@@ -15,6 +17,7 @@ from shared_schema.materials.isotropic import (
     YoungPoisson,
 )
 from shared_schema.materials.material import LARGEST_MODULUS, Material
+from shared_schema.materials.ogden import Ogden
 from shared_schema.materials.own_material import OwnMaterial
 from shared_schema.materials.reading import (
     SHIPPED,
@@ -25,7 +28,7 @@ from shared_schema.materials.reading import (
     ratio_at_rest,
     shipped_material,
 )
-from shared_schema.materials.rubber_like import Gent, MooneyRivlin, RubberLike, Yeoh
+from shared_schema.materials.rubber_like import ArrudaBoyce, Gent, MooneyRivlin, RubberLike, Yeoh
 from shared_schema.materials.signature import (
     ARRAYS,
     FibreInvariants,
@@ -41,15 +44,22 @@ __all__ = [
     "LARGEST_MODULUS",
     "SHIPPED",
     "VOLUMETRIC_TERMS",
+    "ArrudaBoyce",
     "AtRest",
+    "FibreFile",
     "FibreInvariants",
+    "FibreReinforced",
+    "Fibres",
     "Functions",
     "Gent",
+    "Guccione",
+    "HolzapfelGasserOgden",
     "Invariants",
     "Material",
     "Materials",
     "MooneyRivlin",
     "NeoHookean",
+    "Ogden",
     "OwnMaterial",
     "RubberLike",
     "Scalar",
@@ -57,6 +67,7 @@ __all__ = [
     "StVenantKirchhoff",
     "Volumetric",
     "VolumetricTerm",
+    "WithFibres",
     "Yeoh",
     "YoungPoisson",
     "as_tuple",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import ClassVar
 
 from pydantic import Field, model_validator
 
@@ -26,8 +25,6 @@ class Material(Frozen, ABC):
         Physical group of the cells that are of this material, if a body has several.
     """
 
-    families: ClassVar[tuple[int, int]] = (0, 0)  # fewest and most families of fibres
-
     model: str
     group: str | None = Field(None, min_length=1, exclude_if=absent)
 
@@ -47,7 +44,11 @@ class Material(Frozen, ABC):
     @property
     def family_count(self) -> int:
         """Number of families of fibres."""
-        return self.families[0]
+        return 0
+
+    def _key_problem(self) -> str | None:
+        """Say which key is wrong beside the others, before the energy is evaluated."""
+        return None
 
     def at_rest(self) -> AtRest:
         """Stress and stiffness of the undeformed body, from the energy."""
@@ -66,6 +67,8 @@ class Material(Frozen, ABC):
 
     @model_validator(mode="after")
     def _is_a_solid_at_rest(self) -> Material:
+        if (problem := self._key_problem()) is not None:
+            raise ValueError(problem)
         try:
             problem = self.at_rest().problem()
         except (ArithmeticError, ValueError) as error:

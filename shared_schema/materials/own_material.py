@@ -12,11 +12,11 @@ from abc import ABC
 from pydantic import Field
 
 from shared_schema.materials.at_rest import AtRest
-from shared_schema.materials.material import Material
+from shared_schema.materials.fibres import WithFibres
 from shared_schema.own_class import described, source_of
 
 
-class OwnMaterial(Material, ABC):
+class OwnMaterial(WithFibres, ABC):
     """A material of a user's own; its attributes are the keys of a case's ``material`` section.
 
     Attributes
@@ -26,6 +26,9 @@ class OwnMaterial(Material, ABC):
     model_sha256 : str, optional
         Checksum of the file, filled in when a case is read, so that a dataset belongs to one
         version of the file.
+    fibres : direction, list of directions, or FibreFile
+        Of a class that says how many families its energy takes, ``families = 1`` or, from fewest to
+        most, ``families = 1, 2``; `c.fibres` has the invariants of each.
     """
 
     model_sha256: str | None = Field(None, pattern=r"^[0-9a-f]{64}$")

@@ -10,10 +10,13 @@ from pydantic import ValidationError
 
 from shared_schema.common.configuration import first_problem
 from shared_schema.common.errors import InputError
+from shared_schema.materials.fibre_reinforced import Guccione, HolzapfelGasserOgden
+from shared_schema.materials.fibres import FibreFile, WithFibres
 from shared_schema.materials.isotropic import NeoHookean, StVenantKirchhoff
 from shared_schema.materials.material import Material
+from shared_schema.materials.ogden import Ogden
 from shared_schema.materials.own_material import OwnMaterial
-from shared_schema.materials.rubber_like import Gent, MooneyRivlin, Yeoh
+from shared_schema.materials.rubber_like import ArrudaBoyce, Gent, MooneyRivlin, Yeoh
 from shared_schema.own_class import import_named
 
 Materials: TypeAlias = Material | tuple[Material, ...]
@@ -23,6 +26,10 @@ SHIPPED: dict[str, type[Material]] = {
     "mooney_rivlin": MooneyRivlin,
     "yeoh": Yeoh,
     "gent": Gent,
+    "ogden": Ogden,
+    "arruda_boyce": ArrudaBoyce,
+    "holzapfel_gasser_ogden": HolzapfelGasserOgden,
+    "guccione": Guccione,
 }
 
 
@@ -35,17 +42,17 @@ def material_of(content: Any, folder: Path | None = None) -> Material:
         The section.
     folder : Path, optional
         Folder of the case file. Without one only shipped models are allowed, and nothing is
-        imported.
+        imported or read.
 
     Raises
     ------
     ValueError
-        If there is no such model, its file cannot be imported or has another checksum, or one of
+        If there is no such model, a file of it cannot be read or has another checksum, or one of
         the keys is wrong.
     """
     name = content.get("model", "neo_hookean") if isinstance(content, dict) else None
     if not isinstance(name, str) or name in SHIPPED or ":" not in name:
-        return shipped_material(content)
+        return _with_files(shipped_material(content), folder)
     made, digest = import_named("model", name, tuple(SHIPPED), OwnMaterial, folder)
     if content.get("model_sha256") not in (None, digest):
         raise ValueError(
@@ -58,7 +65,16 @@ def material_of(content: Any, folder: Path | None = None) -> Material:
         problem = first_problem(error)
         named = "" if f"'{name}'" in problem else f" (model '{name}')"
         raise ValueError(problem + named) from None
-    return built
+    return _with_files(built, folder)
+
+
+def _with_files(material: Material, folder: Path | None) -> Material:
+    """Copy a material with its file of directions found from the folder of the case file."""
+    if folder is None or not isinstance(material, WithFibres):
+        return material
+    if not isinstance(material.fibres, FibreFile):
+        return material
+    return material.model_copy(update={"fibres": material.fibres.found_from(folder)})
 
 
 def shipped_material(content: Any) -> Material:

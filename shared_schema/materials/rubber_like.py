@@ -13,6 +13,8 @@ from pydantic import Field
 from shared_schema.materials.material import LARGEST_MODULUS, Material
 from shared_schema.materials.signature import Functions, Invariants, Scalar
 
+EIGHT_CHAINS = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)  # of Arruda and Boyce
+
 
 def first_invariant(c: Invariants) -> Scalar:
     """Ī₁ = J^(−2/3) I₁."""
@@ -99,3 +101,34 @@ class Gent(RubberLike):
         first = first_invariant(c) - 3
         chains = -self.shear_modulus / 2 * self.limit * of.ln(1 - first / self.limit)
         return chains + self.volumetric(c.j)
+
+
+class ArrudaBoyce(RubberLike):
+    r"""Arruda and Boyce's solid of eight chains, by five terms of the inverse Langevin function.
+
+    .. math:: W = μ \sum_{i=1}^{5} \frac{a_i}{λ_m^{2i-2}} (\bar I_1^i - 3^i)
+              + \tfrac{K}{2} (J - 1)^2, \qquad
+              a = \tfrac12, \tfrac1{20}, \tfrac{11}{1050}, \tfrac{19}{7000}, \tfrac{519}{673750} .
+
+    Arruda and Boyce, J. Mech. Phys. Solids 41 (1993) 389, Eq. 17.
+
+    Attributes
+    ----------
+    shear_modulus : float
+        μ in Pa. The shear modulus at rest is larger:
+        μ (1 + 3/(5 λₘ²) + 99/(175 λₘ⁴) + 513/(875 λₘ⁶) + 42039/(67375 λₘ⁸)).
+    limit_stretch : float
+        λₘ, the stretch of a chain at its full length.
+    """
+
+    model: Literal["arruda_boyce"] = "arruda_boyce"
+    shear_modulus: float = Field(ge=1e-12, le=LARGEST_MODULUS)
+    limit_stretch: float = Field(ge=1, le=1e6)
+
+    def energy(self, c: Invariants, of: Functions) -> Scalar:
+        """W = μ Σᵢ aᵢ / λₘ^(2i−2) (Ī₁ⁱ − 3ⁱ) + K/2 (J − 1)²."""
+        first, chain = first_invariant(c), self.limit_stretch**-2
+        terms = [
+            a * chain**i * (first ** (i + 1) - 3 ** (i + 1)) for i, a in enumerate(EIGHT_CHAINS)
+        ]
+        return self.shear_modulus * sum(terms[1:], terms[0]) + self.volumetric(c.j)

@@ -176,6 +176,7 @@ CALLS: dict[str, Callable[[World, Given], Any]] = {
     "ShardEntry.lengths": lambda w, g: w.manifest.shards[0].lengths(w.manifest),
     **of_material("NeoHookean", MATERIAL),
     **of_material("OwnMaterial", OWN),
+    "OwnMaterial.family_range": lambda w, g: OWN.family_range,
     "NeoHookean.volumetric_term": lambda w, g: MATERIAL.volumetric_term,
     "check_dataset": lambda w, g: shared_schema.check_dataset(w.nodal),
     "digest_of": lambda w, g: shared_schema.digest_of(g["content"]),

@@ -27,6 +27,7 @@ def body(nodal_arrays: Arrays) -> Arrays:
     arrays["samples/displacement"][:, 3] = 0.0
     arrays["mesh/held"] = held
     arrays["mesh/material"] = np.array([0, 1, 0])
+    arrays["mesh/fibres"] = np.array([[[0.6, 0.8]], [[0.0, 0.0]], [[-1.0, 0.0]]])
     arrays |= group_arrays(
         {"root": arrays["mesh/clamped"], "end": arrays["mesh/loadable"]},
         arrays["mesh/cells"],
@@ -91,6 +92,11 @@ def test_written_and_read(body: Arrays, tmp_path: Path) -> None:
         (drop("mesh/group_cells"), "'mesh/group_facets' and 'mesh/group_cells' stand together"),
         (fewer("mesh/group_facets"), "'mesh/group_facets' has 7 facets, the surface 8"),
         (put("mesh/material", 1, -1), "'mesh/material' is -1, expected 0 at least"),
+        (
+            put("mesh/fibres", (2, 0), [0.5, 0]),
+            "'mesh/fibres' has a vector of length 0.5 in",
+        ),
+        (put("mesh/fibres", (2, 0), [np.nan, 0]), "'mesh/fibres' has "),
         (put("mesh/pressed", (0, 1), 4), "names a facet that is not on the surface"),
         (drop("mesh/pressed"), "stand together"),
         (put("mesh/pressed_surface", 1, 0), "does not number the surfaces in turn"),
