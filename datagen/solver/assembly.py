@@ -23,7 +23,7 @@ from petsc4py import PETSc
 from datagen.discretisation.sparsity import sparsity
 from datagen.discretisation.unknowns import Unknowns
 from datagen.dolfinx_versions import COMPILER_OPTIONS, form
-from datagen.solver.weak_form import WeakForm
+from datagen.solver.forms.weak_form import WeakForm
 
 
 class CellSums:

@@ -13,7 +13,7 @@ from datagen.discretisation.element import ElementKind
 from datagen.discretisation.element_loop import ElementLoop, Kernel
 from datagen.discretisation.unknowns import Unknowns
 from datagen.dolfinx_versions import COMPILER_OPTIONS, point_expression
-from datagen.solver.strain_energy import deformation_gradient
+from datagen.solver.forms.strain_energy import deformation_gradient
 
 
 class MinimumJ:

@@ -29,8 +29,8 @@ from datagen.dolfinx_versions import COMPILER_OPTIONS, form
 from datagen.mesh.distributed_mesh import distributed
 from datagen.mesh.raw_mesh import RawMesh
 from datagen.solver.equilibrium import EquilibriumProblem
+from datagen.solver.forms.strain_energy import deformation_gradient, energy_density
 from datagen.solver.settings import SolverSettings
-from datagen.solver.strain_energy import deformation_gradient, energy_density
 from shared_schema.materials import (
     Gent,
     MooneyRivlin,

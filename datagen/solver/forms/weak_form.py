@@ -4,16 +4,16 @@ A body occupies :math:`Ω` at rest. Under the displacement :math:`u` its strain 
 
 .. math:: E(u) = \int_Ω W(F) \, dV, \qquad F = I + ∇u,
 
-with the energy density W of `datagen.solver.strain_energy`. The internal forces are the derivative
-of the energy, the tangent stiffness is the derivative of the internal forces:
+with the energy density W of `datagen.solver.forms.strain_energy`. The internal forces are the
+derivative of the energy, the tangent stiffness is the derivative of the internal forces:
 
 .. math::
     f_{int}(u)·v = \frac{dE}{du}[v] = \int_Ω P(F) : ∇v \, dV, \quad P = \frac{∂W}{∂F},
     \qquad K(u) = \frac{∂f_{int}}{∂u}.
 
-UFL forms both derivatives symbolically; FFCx compiles them to C. Elements with a dilation θ have
-the energy Π(u, θ, p) of `datagen.discretisation.element`. Where θ and p are unknowns, they are
-scaled to lengths, so that all unknowns are in m and all residuals in N:
+UFL forms both derivatives symbolically (`datagen.solver.forms.variations`); FFCx compiles them to
+C. Elements with a dilation θ have the energy Π(u, θ, p) of `datagen.discretisation.element`. Where
+θ and p are unknowns, they are scaled to lengths, so that all unknowns are in m and all residuals in N:
 
 .. math:: θ = 1 + t / h, \qquad p = (λ + 2μ) \, q / h,
 
@@ -23,7 +23,7 @@ rest.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -43,8 +43,13 @@ from datagen.dolfinx_versions import (
     mixed_space,
     pack_constants,
 )
-from datagen.solver.fibre_field import FibreField
-from datagen.solver.strain_energy import deformation_gradient, energy_density, longitudinal_modulus
+from datagen.solver.forms.fibre_field import FibreField
+from datagen.solver.forms.strain_energy import (
+    deformation_gradient,
+    density_of,
+    longitudinal_modulus,
+)
+from datagen.solver.forms.variations import Density, Variations, variations
 from shared_schema.materials import Material
 
 
@@ -154,9 +159,9 @@ def weak_form(
     several = [(-1, material)] if isinstance(material, Material) else list(enumerate(material))
     function: Any = None  # of the directions; made when the state exists, which comes first
 
-    def density(f: Any, part: int, material: Material, dilation: Any = None) -> Any:
+    def varied(f: Any, part: int, material: Material, dilation: Any = None) -> Variations:
         directions = [] if fibres is None else fibres.directions(function, max(part, 0))
-        return energy_density(f, material, domain, dilation, directions)
+        return variations(density_of(f, material, domain, dilation, directions), state)
 
     own_parts = None
     measures = {-1: dx}
@@ -170,10 +175,6 @@ def weak_form(
         of_parts = dx(subdomain_data=of_cells)
         measures = {part: of_parts(part) for part, _ in several}
 
-    def energy_of(density: Callable[[int, Material], Any]) -> Any:
-        terms = [density(part, each) * measures[part] for part, each in several]
-        return sum(terms[1:], start=terms[0])
-
     if kind.dilation == "cell":
         state = dolfinx.fem.Function(mixed_space(domain, kind.degree, d, ("DG", 0)))
     if fibres is not None:
@@ -181,12 +182,14 @@ def weak_form(
     if kind.dilation == "pointwise":
         f = deformation_gradient(state)
         if own_parts is not None and of_one_model([each for _, each in several], fibres):
-            energies = [density(f, part, each) * dx for part, each in several]
+            densities = [varied(f, part, each) for part, each in several]
+            energies = [each.value * dx for each in densities]
             values = np.array([[float(c.value) for c in each.constants()] for each in energies])
             moduli = Moduli(energies[0].constants(), values)
-            return WeakForm(*_derivatives(energies[0], state), own_parts, moduli, fibres=fibres)
-        energy = energy_of(lambda part, m: density(f, part, m))
-        return WeakForm(*_derivatives(energy, state), own_parts, fibres=fibres)
+            forms = _compiled([(densities[0], dx)])
+            return WeakForm(*forms, own_parts, moduli, fibres=fibres)
+        forms = _compiled([(varied(f, part, each), measures[part]) for part, each in several])
+        return WeakForm(*forms, own_parts, fibres=fibres)
     if kind.dilation == "cell":
         u, dilation, pressure = ufl.split(state)
     else:
@@ -197,8 +200,9 @@ def weak_form(
         dilation, pressure = 1 + t / length, scale * q
     f = deformation_gradient(u)
     j = ufl.det(f)
-    energy = energy_of(lambda part, m: density(f, part, m, dilation) + pressure * (j - dilation))
-    forms = _derivatives(energy, state)
+    bound = variations(Density(pressure * (j - dilation)), state)
+    terms = [(varied(f, part, each, dilation), measures[part]) for part, each in several]
+    forms = _compiled([*terms, *((bound, measures[part]) for part, _ in several)])
     if kind.dilation == "continuous":
         return WeakForm(*forms, own_parts, fibres=fibres)
     volumes, before = cell_volumes(unknowns, dx), unknowns.state.x.array.copy()
@@ -238,8 +242,13 @@ def cell_volumes(unknowns: Unknowns, dx: Any) -> NDArray[np.float64]:
     return ElementLoop(kernel, unknowns.state, unknowns.cell_dofs, places, count).run()
 
 
-def _derivatives(energy: Any, state: Any) -> tuple[Any, Any, Any]:
-    """Energy, its first and its second derivative, compiled."""
-    internal = ufl.derivative(energy, state)
-    tangent = ufl.derivative(internal, state)
-    return tuple(form(each, COMPILER_OPTIONS) for each in (energy, internal, tangent))
+def _compiled(terms: Sequence[tuple[Variations, Any]]) -> tuple[Any, Any, Any]:
+    """Energy, its first and its second derivative, compiled, from integrands and measures."""
+    first, *others = terms
+    integrals = [part * first[1] for part in first[0]]
+    for each, measure in others:
+        integrals = [
+            integral + part * measure for integral, part in zip(integrals, each, strict=True)
+        ]
+    energy, internal, tangent = (form(each, COMPILER_OPTIONS) for each in integrals)
+    return energy, internal, tangent

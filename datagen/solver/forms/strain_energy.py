@@ -23,6 +23,7 @@ import dolfinx
 import ufl
 from petsc4py import PETSc
 
+from datagen.solver.forms.variations import Density
 from shared_schema.materials import (
     VOLUMETRIC_TERMS,
     FibreInvariants,
@@ -92,7 +93,18 @@ def energy_density(
     dilation: Expression | None = None,
     directions: Sequence[Expression] = (),
 ) -> Expression:
-    """Strain energy density W(F) of any material in J/m³; with a dilation θ, W((θ/J)^(1/d) F).
+    """Strain energy density W(F) of any material in J/m³, as a UFL scalar (`density_of`)."""
+    return density_of(f, material, domain, dilation, directions).value
+
+
+def density_of(
+    f: Expression,
+    material: Material,
+    domain: Any,
+    dilation: Expression | None = None,
+    directions: Sequence[Expression] = (),
+) -> Density:
+    """Strain energy density W(F) of any material; with a dilation θ, W((θ/J)^(1/d) F).
 
     The moduli of a material are constants of the form, so that two bodies of one model share
     the compiled code.
@@ -113,29 +125,29 @@ def energy_density(
     if isinstance(material, NeoHookean) and dilation is None:
         lam = _constant(material.lame_lambda, domain)
         mu = _constant(material.lame_mu, domain)
-        return strain_energy(f, lam, mu, material.volumetric)
-    # By the invariants of F: the compiled derivatives of a scaled F are ten times as long.
+        return Density(strain_energy(f, lam, mu, material.volumetric))
     numbers = {k: _constant(v, domain) for k, v in material if isinstance(v, float)}
     c, out_of_plane = f.T * f, 3 - d
     i1 = squared * ufl.tr(c) + out_of_plane
     i2 = (i1**2 - squared**2 * ufl.tr(c * c) - out_of_plane) / 2
-    fibres = tuple(_fibre_invariants(a, c, i1, i2, squared) for a in directions)
+    expressions = [i1, i2, j if dilation is None else dilation]
+    for direction in directions:
+        expressions += _along(direction, c, squared)
+    x1, x2, x3, *rest = variables = [ufl.variable(x) for x in expressions]
+    families = tuple(
+        FibreInvariants(stretch, fifth - x1 * stretch + x2)
+        for stretch, fifth in zip(rest[::2], rest[1::2], strict=True)
+    )
     scaled = material.model_copy(update=numbers)
-    return scaled.energy(Invariants(i1, i2, j if dilation is None else dilation, fibres), UFL)
+    return Density(scaled.energy(Invariants(x1, x2, x3, families), UFL), tuple(variables))
 
 
-def _fibre_invariants(
-    direction: Expression, c: Expression, i1: Expression, i2: Expression, squared: Expression
-) -> FibreInvariants:
-    """I₄ = a·C a and K₄ = I₅ − I₁ I₄ + I₂, with I₅ = |C a|².
-
-    C is (d, d), without the factor `squared` that I₁ and I₂ have.
-    """
+def _along(direction: Expression, c: Expression, squared: Expression) -> list[Expression]:
+    """I₄ = a·C a and I₅ = |C a|², of C, (d, d), without the factor `squared`."""
     missing = c.ufl_shape[0] - len(direction)  # an axis that F was completed by
     a = ufl.as_vector([*(direction[i] for i in range(len(direction))), *(0.0,) * missing])
     row = ufl.dot(c, a)
-    stretch, fifth = squared * ufl.dot(a, row), squared**2 * ufl.dot(row, row)
-    return FibreInvariants(stretch, fifth - i1 * stretch + i2)
+    return [squared * ufl.dot(a, row), squared**2 * ufl.dot(row, row)]
 
 
 def longitudinal_modulus(material: Material) -> float:

@@ -1,0 +1,1 @@
+"""Strain energy of a body and its derivatives, as forms that FFCx compiles."""
