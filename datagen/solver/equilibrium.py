@@ -9,7 +9,8 @@ The unknown is the displacement :math:`u`, (n_nodes, d) in m. In equilibrium the
 with the internal forces :math:`f_{int}` of `datagen.solver.forms.weak_form`, the dead load
 :math:`f` in N, the forces :math:`f_p` of pressures that follow the surface
 (`datagen.solver.acting_load`), and the load factor :math:`s`, the part of the load that acts.
-Newton's method (`datagen.solver.newton`) finds u with the tangent :math:`K = ∂f_{int}/∂u - s \, ∂f_p/∂u`. In the rows of known displacements
+Newton's method (`datagen.solver.newton`) finds u with the tangent
+:math:`K = ∂f_{int}/∂u - s \, ∂f_p/∂u`. In the rows of known displacements
 (`datagen.solver.supports`) the residual is u, or :math:`u - s \bar u`, and the tangent is the
 identity; the first step moves the rest of the body with a prescribed displacement.
 

@@ -31,6 +31,7 @@ from shared_schema.materials.reading import (
 from shared_schema.materials.rubber_like import ArrudaBoyce, Gent, MooneyRivlin, RubberLike, Yeoh
 from shared_schema.materials.signature import (
     ARRAYS,
+    ZERO,
     FibreInvariants,
     Functions,
     Invariants,
@@ -44,6 +45,7 @@ __all__ = [
     "LARGEST_MODULUS",
     "SHIPPED",
     "VOLUMETRIC_TERMS",
+    "ZERO",
     "ArrudaBoyce",
     "AtRest",
     "FibreFile",

@@ -16,6 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from shared_schema.materials.signature import ZERO
+
 Array = NDArray[np.float64]
 
 
@@ -111,10 +113,9 @@ class _OfJets:
         return x.of(value, value, value)
 
     def positive(self, x: Any, /) -> Any:
-        """Return max(x, 0); at 0 with the derivatives of x."""
         if not isinstance(x, Jet):
-            return max(x, 0.0)
-        return x if x.value >= 0 else x.constant(0.0)
+            return x if x > -ZERO else 0.0
+        return x if x.value > -ZERO else x.constant(0.0)
 
 
 JETS = _OfJets()

@@ -21,6 +21,7 @@ from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
+ZERO = 1e-12  # `positive` takes numbers above −ZERO for positive: at rest fibres bear, to rounding
 Scalar: TypeAlias = Any  # a float, a UFL expression, an array, a tensor, a jet
 
 
@@ -70,7 +71,7 @@ class Functions(Protocol):
         """Exponential function."""
 
     def positive(self, x: Scalar, /) -> Scalar:
-        """Return max(x, 0)."""
+        """Return max(x, 0), of slope 1 at 0: x where x > −`ZERO`, else 0."""
 
 
 class _OfArrays:
@@ -83,7 +84,7 @@ class _OfArrays:
         return np.exp(x)
 
     def positive(self, x: Scalar, /) -> Scalar:
-        return np.maximum(x, 0.0)
+        return np.where(np.greater(x, -ZERO), x, 0.0)
 
 
 ARRAYS: Functions = _OfArrays()

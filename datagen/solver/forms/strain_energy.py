@@ -26,6 +26,7 @@ from petsc4py import PETSc
 from datagen.solver.forms.variations import Density
 from shared_schema.materials import (
     VOLUMETRIC_TERMS,
+    ZERO,
     FibreInvariants,
     Invariants,
     Material,
@@ -47,7 +48,7 @@ class _OfUfl:
         return ufl.exp(x)
 
     def positive(self, x: Scalar, /) -> Expression:
-        return ufl.conditional(ufl.gt(x, 0.0), x, 0.0)
+        return ufl.conditional(ufl.gt(x, -ZERO), x, 0.0)
 
 
 UFL = _OfUfl()

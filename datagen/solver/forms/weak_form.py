@@ -13,7 +13,8 @@ derivative of the energy, the tangent stiffness is the derivative of the interna
 
 UFL forms both derivatives symbolically (`datagen.solver.forms.variations`); FFCx compiles them to
 C. Elements with a dilation θ have the energy Π(u, θ, p) of `datagen.discretisation.element`. Where
-θ and p are unknowns, they are scaled to lengths, so that all unknowns are in m and all residuals in N:
+θ and p are unknowns, they are scaled to lengths, so that all unknowns are in m and all residuals in
+N:
 
 .. math:: θ = 1 + t / h, \qquad p = (λ + 2μ) \, q / h,
 

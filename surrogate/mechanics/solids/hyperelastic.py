@@ -14,7 +14,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from shared_schema.materials import Invariants, NeoHookean, ShippedMaterial
+from shared_schema.materials import ZERO, Invariants, NeoHookean, ShippedMaterial
 from surrogate.mechanics.solids import neo_hookean
 from surrogate.mechanics.solids.neo_hookean import determinant
 
@@ -82,7 +82,7 @@ class _OfTensors:
         return torch.exp(x)
 
     def positive(self, x: Tensor, /) -> Tensor:
-        return torch.relu(x)
+        return torch.where(x > -ZERO, x, torch.zeros_like(x))
 
 
 TENSORS = _OfTensors()
