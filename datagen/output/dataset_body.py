@@ -30,6 +30,8 @@ class DatasetBody:
     cell_type : str
         meshio's name.
     clamped, loadable : array of bool, (n_nodes,)
+    fibres : array, (n_cells, families, d), or None
+        Directions of fibres, if a material has some.
     """
 
     def __init__(self, reader: DatasetReader, arrays: Arrays) -> None:
@@ -39,4 +41,5 @@ class DatasetBody:
         self.cells: NDArray[np.int64] = arrays["mesh/cells"]
         self.clamped: NDArray[np.bool_] = arrays["mesh/clamped"]
         self.loadable: NDArray[np.bool_] = arrays["mesh/loadable"]
+        self.fibres: NDArray[np.float64] | None = arrays.get("mesh/fibres")
         self.cell_type = reader.cell_type

@@ -38,6 +38,7 @@ AROUND = 0.75  # height in inches of title and labels above and below a panel
 ROUNDING = 1e-12  # of the largest resultant and moment: smaller ones are rounding errors
 HIGHEST = 1.2  # largest height of a panel over its width; a higher body is drawn narrower
 FACE = "#fbefef"  # face colour of a deformed body
+FIBRES = "#b8860b", "#2e8b57", "#7b3294", "#c51b7d"  # of the families
 SUPPORT, REST = "black", "0.45"
 CELLS = {
     "quad": "quadrilaterals",
@@ -126,6 +127,8 @@ def _draw_marks(drawing: Drawing, dataset: DatasetBody) -> None:
     x = dataset.coordinates
     size = 12 if len(x) < 500 else 2
     drawing.body(x, UNDEFORMED, "white", linewidth=_line(dataset))
+    for family, color in zip(_families(dataset), FIBRES, strict=False):
+        drawing.directions(family, color, linewidth=2 * _line(dataset))
     drawing.markers(x[dataset.clamped], SUPPORT, marker="s", s=size)
     drawing.markers(x[dataset.loadable], NETWORK, marker="o", s=size)
 
@@ -188,12 +191,22 @@ def _draw_key(axes: Axes, dataset: DatasetBody) -> None:
         Line2D([], [], color=SUPPORT, ls="", marker="s", ms=size, mew=0, label="clamped node"),
         Line2D([], [], color=NETWORK, ls="", marker="o", ms=size, mew=0, label="loadable node"),
     ]
+    several = len(_families(dataset)) > 1
+    handles += [
+        Line2D([], [], color=color, lw=1.4, label=f"fibres {number}" if several else "fibres")
+        for number, color in zip(range(1, 1 + len(_families(dataset))), FIBRES, strict=False)
+    ]
     if manifest.samples:
         handles += [
             Line2D([], [], color=REST, lw=0.8, ls="dashed", label="undeformed"),
             Line2D([], [], color=REFERENCE, lw=1.0, label="deformed, in equilibrium"),
         ]
     axes.legend(handles=handles, loc="center left", title=title, alignment="left")
+
+
+def _families(dataset: DatasetBody) -> list[Array]:
+    """Directions of each family of fibres, (n_cells, d)."""
+    return [] if dataset.fibres is None else list(dataset.fibres.swapaxes(0, 1))
 
 
 def _line(dataset: DatasetBody) -> float:

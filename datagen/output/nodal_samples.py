@@ -50,8 +50,6 @@ class NodalSamples(DatasetBody):
         Components of displacement that supports hold.
     parts : array of int, (n_cells,), or None
         Position of each cell's material in the case, if it has several.
-    fibres : array, (n_cells, families, d), or None
-        Directions of fibres, if a material has some.
     surfaces : list of array of int, (n_facets, n_corners)
         Facets of the surfaces under pressure, seen from outside.
     numbers : array of int, (n_samples,)
@@ -84,7 +82,6 @@ class NodalSamples(DatasetBody):
         whole = np.repeat(self.clamped[:, None], self.coordinates.shape[1], axis=1)
         self.held: NDArray[np.bool_] = whole if single is None else single
         self.parts: NDArray[np.int64] | None = self._arrays.get("mesh/material")
-        self.fibres: NDArray[np.float64] | None = self._arrays.get("mesh/fibres")
         self.surfaces: list[NDArray[np.int64]] = []
         if "mesh/pressed" in self._arrays:
             facets, of = self._arrays["mesh/pressed"], self._arrays["mesh/pressed_surface"]

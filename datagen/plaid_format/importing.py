@@ -32,7 +32,7 @@ from shared_schema.manifest import (
     digest_of,
     write_manifest,
 )
-from shared_schema.materials import materials_of
+from shared_schema.materials import as_tuple, materials_of
 from shared_schema.shard import write_shard
 
 CELLS = {element: cell for cell, element in ELEMENTS.items()}
@@ -112,7 +112,12 @@ def _case(
             f"{said}: its description names no material, expected --set "
             "'material={young_modulus: …, poisson_ratio: …}'"
         )
-    materials_of(case["material"], f"{said}: material")
+    materials = materials_of(case["material"], f"{said}: material")
+    if any(material.family_count for material in as_tuple(materials)):
+        raise InputError(
+            f"{said}: key 'material.fibres': PLAID carries no directions of cells, expected a "
+            "material without fibres"
+        )
     validate(DatasetSettings, case.get("dataset"), f"{said}: dataset")
     return case
 

@@ -98,7 +98,8 @@ class WithFibres(Material, ABC):
         """Build the form that is meant, so that an error is about that one."""
         if isinstance(value, dict):
             return FibreFile.model_validate(value)
-        if value is None or isinstance(value, FibreFile):
+        is_absent = value is None and not cls.model_fields["fibres"].is_required()
+        if is_absent or isinstance(value, FibreFile):
             return value
         vectors = value if isinstance(value, tuple) else ()
         if vectors and not any(isinstance(each, tuple) for each in vectors):
@@ -134,11 +135,12 @@ class WithFibres(Material, ABC):
 
 
 def _is_vector(value: Any) -> bool:
-    """True for two or three numbers."""
+    """True for two or three numbers, none too large."""
     return (
         isinstance(value, tuple)
         and len(value) in (2, 3)
         and all(isinstance(x, (int, float)) and not isinstance(x, bool) for x in value)
+        and all(-LARGEST <= x <= LARGEST for x in value)
     )
 
 

@@ -12,7 +12,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
-from shared_schema.common.drawing.drawn_mesh import Mesh, units_of
+from shared_schema.common.drawing.drawn_mesh import Mesh, cells_of_faces, units_of
 from shared_schema.common.drawing.load_symbols import load_symbols
 
 Array = NDArray[np.float64]
@@ -24,6 +24,7 @@ LABELLED = 3  # arrows that get a text at most,
 APART = 0.2  # and the distance between their ends at least, as a part of the body's size
 MARGIN = 0.04  # free space round what is drawn, as a part of its extent
 ON_TOP = 10  # drawing order of what the body must not hide
+LINE = 0.6  # length of a direction, as a part of the size of its cell
 BALANCED = 0.01  # resultant without an arrow, as a part of the sum of its nodes' forces
 
 
@@ -123,6 +124,29 @@ class Drawing(ABC):
     def markers(self, x: Array, color: str, **style: Any) -> None:
         """Mark the points `x` (n_points, d) in m, on top of the body."""
         self.axes.scatter(*self._seen(x).T, color=color, linewidths=0, zorder=ON_TOP, **style)
+
+    def directions(self, vectors: Array, color: str, **style: Any) -> None:
+        """Draw a line on each undeformed face that can be seen, along the direction of its cell.
+
+        Parameters
+        ----------
+        vectors : array, (n_cells, d)
+            Unit vectors, or 0 where there is none. Lines are as long as a part of the shortest
+            side of their face.
+        color : str
+        style
+            Of matplotlib's lines.
+        """
+        x = self._mesh.coordinates
+        faces = self._from_the_back(x)
+        along = vectors[cells_of_faces(self._mesh, faces)]
+        corners = x[faces]
+        sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).min(axis=1)
+        middles, half = corners.mean(axis=1), LINE / 2 * sides[:, None] * along
+        there = along.any(axis=1)
+        ends = (self._on_paper((middles + sign * half)[there]) for sign in (-1, 1))
+        lines = list(np.stack(tuple(ends), axis=1))
+        self.axes.add_collection(LineCollection(lines, colors=color, zorder=ON_TOP, **style))
 
     def forces(self, x: Array, force: Array) -> bool:
         """Draw the loads: the longest arrow of fixed length, others in proportion.

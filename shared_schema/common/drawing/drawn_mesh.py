@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.common.bodies.cells import boundary_facets
+from shared_schema.common.bodies.cells import FACETS, boundary_facets
 from shared_schema.common.bodies.surface_edges import edges_of
 from shared_schema.common.keys.units import SI, Units
 
@@ -47,6 +47,18 @@ def surface_faces(mesh: Mesh) -> NDArray[np.int64]:
     if mesh.coordinates.shape[1] == 2:
         return mesh.cells
     return boundary_facets(mesh.cells, mesh.cell_type)
+
+
+def cells_of_faces(mesh: Mesh, faces: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Find the cell that each of the faces belongs to, (n_faces,); plane faces are the cells."""
+    kinds = FACETS[mesh.cell_type] if mesh.coordinates.shape[1] == 3 else [slice(None)]
+    every = np.concatenate([mesh.cells[:, kind] for kind in kinds])
+    rows = np.sort(np.concatenate([every, faces]), axis=1)
+    _, number = np.unique(rows, axis=0, return_inverse=True)
+    number = number.ravel()
+    cell_of = np.zeros(number.max() + 1, dtype=np.int64)
+    cell_of[number[: len(every)]] = np.tile(np.arange(len(mesh.cells)), len(kinds))
+    return np.asarray(cell_of[number[len(every) :]])
 
 
 def surface_edges(mesh: Mesh) -> NDArray[np.int64]:

@@ -13,7 +13,7 @@ from matplotlib.image import imread
 
 from shared_schema.common.bodies.surface_edges import sharp_edges
 from shared_schema.common.drawing.drawing import Drawing
-from shared_schema.common.drawing.drawn_mesh import surface_edges, surface_faces
+from shared_schema.common.drawing.drawn_mesh import cells_of_faces, surface_edges, surface_faces
 from shared_schema.common.drawing.figure_style import save
 from shared_schema.common.drawing.mesh_drawing import make_drawing
 
@@ -213,3 +213,25 @@ def test_only_edges_in_front_are_drawn_in_space(cell_type: str, parts: int) -> N
     (lines,) = drawing.axes.collections
     faces, nodes = (21 + 21 + 9) * parts, 65
     assert len(lines.get_paths()) == nodes + faces - 1
+
+
+@pytest.mark.parametrize("cell_type", ["triangle", "quad", "tetra", "hexahedron"])
+def test_cells_of_faces(cell_type: str) -> None:
+    """Every face has the corners of its cell."""
+    mesh = block(cell_type)
+    faces = surface_faces(mesh)
+    for face, cell in zip(faces, cells_of_faces(mesh, faces), strict=True):
+        assert set(face) <= set(mesh.cells[cell])
+
+
+def test_directions_of_cells() -> None:
+    """Lines of 0.6 · 0.5 m along the diagonal, through the middles; none where there is none."""
+    mesh = block("quad")
+    vectors = np.full((len(mesh.cells), 2), np.sqrt(0.5))
+    vectors[1:] = 0.0
+    drawing = make_drawing(Figure(), mesh)
+    drawing.directions(vectors, "black")
+    lines: Any = drawing.axes.collections[-1]
+    (line,) = lines.get_segments()
+    middle = mesh.coordinates[mesh.cells[0]].mean(axis=0)
+    assert line == pytest.approx(middle + 0.15 * np.sqrt(0.5) * np.array([[-1, -1], [1, 1]]))
