@@ -14,6 +14,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from shared_schema.common.errors import InputError
 from shared_schema.materials import ZERO, Invariants, NeoHookean, ShippedMaterial
 from surrogate.mechanics.solids import neo_hookean
 from surrogate.mechanics.solids.neo_hookean import determinant
@@ -63,6 +64,8 @@ def completed(f: Tensor) -> Tensor:
 
 def _energy(f: Tensor, material: ShippedMaterial) -> tuple[Tensor, Tensor]:
     """W, of some value where J ≤ 0, and where it is the energy: (d, d, …) → (…), (…)."""
+    if material.family_count:
+        raise InputError(f"material '{material.model}': expected one without fibres")
     out_of_plane, j = 3 - len(f), determinant(f)
     inside = j > 0
     c = torch.einsum("ki...,kj...->ij...", f, f)

@@ -11,10 +11,13 @@ import torch
 
 from shared_schema.common.errors import InputError
 from shared_schema.materials import (
+    ArrudaBoyce,
     Gent,
+    HolzapfelGasserOgden,
     Invariants,
     MooneyRivlin,
     NeoHookean,
+    Ogden,
     ShippedMaterial,
     StVenantKirchhoff,
     Yeoh,
@@ -41,6 +44,8 @@ MATERIALS: list[ShippedMaterial] = [
     MooneyRivlin(c10=60, c01=25, bulk_modulus=3000),
     Yeoh(c10=80, c20=-3, c30=0.4, bulk_modulus=3000),
     Gent(shear_modulus=170, limit=8, bulk_modulus=3000),
+    Ogden(mu=(100.0, 2.0), alpha=(1.3, 5.0), bulk_modulus=3000),
+    ArrudaBoyce(shear_modulus=150, limit_stretch=1.5, bulk_modulus=3000),
 ]
 ALL = pytest.mark.parametrize("material", MATERIALS, ids=lambda material: material.model)
 
@@ -180,6 +185,14 @@ def test_uniform_stretch_has_one_stress(material: ShippedMaterial) -> None:
     )
     np.testing.assert_allclose(fields["von_mises"][0], expected, rtol=1e-10)
     np.testing.assert_allclose(s, s.T, atol=1e-9)  # no couple
+
+
+def test_fibres_are_refused() -> None:
+    """Their directions are not known here, and without them the energy would be another."""
+    keys = {"c10": 1.0, "k1": 1.0, "k2": 1.0, "bulk_modulus": 1.0, "fibres": ((1.0, 0.0),)}
+    artery = HolzapfelGasserOgden.model_validate(keys)
+    with pytest.raises(InputError, match="'holzapfel_gasser_ogden': expected one without fibres"):
+        energy_density(gradients(2), artery)
 
 
 @pytest.mark.parametrize(
