@@ -37,9 +37,7 @@ from surrogate.mechanics.newton_steps import norms
 from surrogate.mechanics.out_of_balance import Equilibrium
 
 Array = NDArray[np.float64]
-CONTRACTION = 0.25  # largest Θ of an estimate that is settled
 LAST_PART = 0.1  # largest part of its last step in it
-SMALL_PART = 1e-3  # largest part in it of a third step that need not contract
 NEGLIGIBLE = 1e-9  # of the displacement: steps of this size may be rounding errors
 ROUNDS = 20
 
@@ -207,10 +205,7 @@ def _settled(equilibrium: Equilibrium, f: Array, u: Array) -> tuple[Array, NDArr
         # Improved states must be closer: their first step counts as the last part, not the second.
         last = norms(found.steps if improved else found.simplified)
         error = norms(u[going] - truth[going] - found.steps)
-        small = (found.contraction <= CONTRACTION) & (last <= LAST_PART * error)
-        small &= (found.further_contraction <= CONTRACTION) | (
-            norms(found.further) <= SMALL_PART * error
-        )
+        small = found.contract(error) & (last <= LAST_PART * error)
         size = norms(truth[going])
         residual = norms(equilibrium.out_of_balance(truth[going], f[going]))
         rounding = equilibrium.round_off

@@ -43,7 +43,7 @@ from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.series.compiled_fields import compiled
 
 Array = NDArray[np.float64]
-LARGE = 4000  # degrees of freedom from which on single precision saves time
+LARGE = 2000  # degrees of freedom from which on single precision saves time
 
 
 class CarriedCompliance:
@@ -93,9 +93,12 @@ class CarriedCompliance:
         return self._equilibrium.solved_by(self._factor, precise).astype(np.float64)
 
     def turned(self, u: Array, y: Array) -> Array:
-        """T y at a state u, (n_points, d) in m each."""
-        y = y.astype(self._metric.dtype)
-        return self._turned(self._means.deformation_gradient(u), y).astype(np.float64)
+        """T y of m fields at a state u, in m: (n_points, d) and (m, n_points, d) → the latter."""
+        f = self._means.deformation_gradient(u)
+        summed = [self._of_cells(f, each.astype(f.dtype)) for each in y]
+        return (
+            self._poisson(np.stack(summed, axis=2)).transpose(2, 0, 1).astype(np.float64, order="C")
+        )
 
     def warped(self, u: Array) -> Array:
         """The state of finite rotations next to a linear response: (n_points, d) in m → same."""
@@ -114,19 +117,21 @@ class CarriedCompliance:
         if not 0 < unit < np.inf:
             return np.zeros_like(force) * unit
         s = self._poisson((force / unit).astype(f.dtype))
-        back = self._summed(self._means.cells, self._metric, f.swapaxes(0, 1), s)
+        back = self._of_cells(f.swapaxes(0, 1), s)
         y = self._equilibrium.solved_by(self._factor, back[None])[0]
-        return self._turned(f, y).astype(np.float64) * unit
+        return self._poisson(self._of_cells(f, y)).astype(np.float64) * unit
 
-    def _turned(self, f: Values, y: Values) -> Values:
-        """T y, with F of the cells."""
-        return self._poisson(self._summed(self._means.cells, self._metric, f, y))
+    def _of_cells(self, f: Values, y: Values) -> Values:
+        """Σ_c k_c F_c y: (d, d, n_cells), (n_points, d) → (n_points, d)."""
+        return self._summed(self._means.cells, self._metric, f, y)
 
     def _poisson(self, right: Values) -> Values:
-        """L⁻¹ of every component: (n_points, d) → same, zero where it is held."""
+        """L⁻¹ of every component: (n_points, d) or (n_points, d, m) → same, zero where held."""
         found = np.zeros_like(right)
         for places, factor in self._laplacians:
-            found[places] = factor.solve(right[places])
+            columns = right[places]
+            solved = factor.solve(columns.reshape(len(columns), -1))
+            found[places] = solved.reshape(columns.shape)
         return found
 
 

@@ -1,18 +1,9 @@
 r"""Directions towards the equilibrium, one by one, until the prediction is right enough.
 
-The length of a direction (`surrogate.descent.directions`) estimates the error of u, if P is nearly
-the inverse of the tangent K(u). It is too short along what P does not know to be soft: where
-stresses nearly make the body buckle, or its material gives way. So directions are trusted only
-where
-
-- the first one is at most `FIRST` of the tolerance; or two in a row, of the first `FEW`, are at
-  most `MARGIN` of it, the second `LATER`, and `CONTRACTED` of the one before, since along a soft
-  direction they would become shorter by little;
-- and the softest modes keep at least `SOFT` of their stiffness (`surrogate.descent.soft_modes`).
-
-Otherwise K(u) itself is factorised (`surrogate.descent.tangent_steps`), and decides. The last
-direction is still taken, since it is there; what it leaves is not looked at, and as a rule far less
-than the estimate.
+The length of a direction (`surrogate.descent.directions`) estimates the error of u. Where the
+directions are not to be trusted (`surrogate.descent.trust`), K(u) itself is factorised
+(`surrogate.descent.tangent_steps`), and decides. The last direction is still taken, since it is
+there; what it leaves is not looked at, and as a rule far less than the estimate.
 
 A load series knows how much its last term changes it, which is more than what it leaves out as long
 as its terms fall. Where this is small, the stresses soften no mode, and little of the load is out
@@ -32,17 +23,12 @@ from numpy.typing import NDArray
 from shared_schema.common.keys.units import Units
 from surrogate.descent.aim import Aim
 from surrogate.descent.directions import Directions
-from surrogate.descent.driven_body import SOFT, DrivenBody, longest
-from surrogate.descent.tangent_steps import MARGIN, settle
+from surrogate.descent.driven_body import DrivenBody, longest
+from surrogate.descent.tangent_steps import settle
+from surrogate.descent.trust import FEW, MARGIN, Trust
 
 Array = NDArray[np.float64]
-FIRST = 0.2  # of the tolerance: largest first direction that is enough
-LATER = 0.05  # of the tolerance: largest later one that is enough
-CONTRACTED = 0.6  # of the direction before it: likewise
-FEW = 10  # directions that may be enough
 LAST = 0.7  # of the tolerance: largest last term of a series that needs no direction
-LEFT = 0.05  # of the load: largest forces that such a term leaves out of balance
-IN_A_ROW = 2  # small directions after a step
 MOST = 100  # directions
 FAR = 0.1  # of the largest displacement: direction beyond which another start is looked at
 
@@ -83,7 +69,7 @@ class Descent:
         estimate, allowed = units.written(self.estimate), units.written(MARGIN * self.allowed)
         return (
             f"the tolerance is not reached after {self.directions} directions: estimated error "
-            f"{estimate}, expected at most {allowed}, and less from direction to direction"
+            f"{estimate}, expected at most {allowed} by several in a row together"
         )
 
     def summary(self, units: Units | None) -> str:
@@ -126,14 +112,13 @@ def descend(
     """
     begun, equilibrium = clock(), body.equilibrium
     nodes, f = equilibrium.nodes, equilibrium.forces_at_points(force[None])[0]
-    directions = Directions(body, f)
+    directions, trust = Directions(body, f), Trust(body, f)
     held = np.where(equilibrium.free[:nodes], predicted, 0.0)
     start = equilibrium.at_points(held[None], f[None])[0]
     allowed = aim.allowed(longest(start[:nodes]))
-    trusted = aim.tolerance is not None and last_term < LAST * allowed and body.is_dead()
-    trusted = trusted and body.softened(start) >= SOFT
     state = body.state(start, f)
-    if state is not None and trusted and np.linalg.norm(state.r) <= LEFT * np.linalg.norm(f):
+    small = aim.tolerance is not None and last_term < LAST * allowed
+    if small and state is not None and trust.needs_no_direction(state):
         return start[:nodes], Descent(0, last_term, allowed, reached=True)
     state = state or directions.from_linear_response()
     d, size, first = directions.direction(state), longest(state.u[:nodes]), 1
@@ -143,18 +128,16 @@ def descend(
         d_other, first = directions.direction(other), 2
         if longest(d_other[:nodes]) < longest(d[:nodes]):
             state, d = other, d_other
-    best, least, small, before = state.u, np.inf, 0, np.inf
+    best, least = state.u, np.inf
     for count in range(first, MOST + 1):
         estimate, allowed = longest(d[:nodes]), aim.allowed(longest(state.u[:nodes]))
         if estimate <= least:
             best, least = state.u, estimate
-        small = small + 1 if estimate <= MARGIN * allowed else 0
         balanced = body.is_balanced(state, f)
-        enough = small >= IN_A_ROW and estimate <= min(LATER * allowed, CONTRACTED * before)
-        enough = (enough and count <= FEW) or balanced
-        enough |= count == 1 and estimate <= FIRST * allowed
-        if small and aim.tolerance is not None and (enough or count > FEW):
-            if enough and body.softest(state, f) >= SOFT:
+        enough = trust.are_short(state, estimate, allowed, count) or balanced
+        small = aim.tolerance is not None and estimate <= MARGIN * allowed
+        if small and (enough or count > FEW):
+            if enough and trust.is_stiff(state):
                 for last in (state.u + d, state.u):
                     if not body.is_inverted(last):
                         return last[:nodes], Descent(count, estimate, allowed, reached=True)
@@ -167,6 +150,6 @@ def descend(
         found = directions.step(state, d)
         if found is None and not directions.forget():
             break
-        state, before = found or state, estimate
+        state = found or state
         d = directions.direction(state)
     return best[:nodes], Descent(count, least, allowed, None if aim.tolerance is None else False)

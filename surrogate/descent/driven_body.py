@@ -20,6 +20,7 @@ from surrogate.descent.cell_stress import CellStress
 from surrogate.descent.soft_modes import Softening, least_eigenvalue, soft_modes
 from surrogate.mechanics.follower_pressure import FollowerPressure
 from surrogate.mechanics.matrices.tangent_iterations import iterates
+from surrogate.mechanics.newton_steps import NewtonSteps
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.solids.solid import Solid
 
@@ -39,10 +40,14 @@ class State:
         In m.
     r : array, (n_points, d)
         Out-of-balance forces r(u) in N; zero where it is held.
+    f, piola : array, (d, d, n), or None
+        F and P in Pa at the points of the cells; None if forces of a cell are no sum over these.
     """
 
     u: Array
     r: Array
+    f: Array | None = None
+    piola: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -96,11 +101,21 @@ class DrivenBody:
 
         None if a cell is inverted or a number is not finite.
         """
-        internal = self._internal_forces(u) if np.isfinite(u).all() else None
-        if internal is None:
+        found = self._internal_forces(u) if np.isfinite(u).all() else None
+        if found is None:
             return None
+        internal, *at_points = found
         r = (internal - self.equilibrium.external(u[None], force[None])[0]) * self.equilibrium.free
-        return State(u, r) if np.isfinite(r).all() else None
+        return State(u, r, *at_points) if np.isfinite(r).all() else None
+
+    def newton_steps(self, state: State, force: Array) -> NewtonSteps:
+        """Steps from a state under dead forces in N, (n_points, d), with the factors of K(u)."""
+
+        def residual(u: Array, force: Array) -> Array:
+            found = self.state(u[0], force[0])
+            return np.full(u.shape, np.nan) if found is None else found.r[None]
+
+        return self.equilibrium.newton_steps(state.u[None], force[None], residual)
 
     def is_dead(self) -> bool:
         """Whether its forces do not follow it, and those of the cells are a sum over points."""
@@ -109,10 +124,10 @@ class DrivenBody:
 
     def softest(self, state: State, force: Array) -> float:
         """θ of a state under dead forces in N, (n_points, d): by products where stresses soften."""
-        if self.softening is not None and (softened := self.softened(state.u)) >= SOFT:
+        if self.softening is not None and (softened := self.softened(state)) >= SOFT:
             return softened
         stiffness = np.zeros((len(self.modes),) * 2)
-        carried = [self.compliance.turned(state.u, mode) for mode in self.modes]
+        carried = self.compliance.turned(state.u, self.modes)
         for row, s in zip(stiffness, carried, strict=True):
             part = SMALL * self.equilibrium.cell_size / longest(s)
             beside = self.state(state.u + part * s, force)
@@ -121,13 +136,17 @@ class DrivenBody:
             row[:] = [np.vdot(each, beside.r - state.r) / part for each in carried]
         return least_eigenvalue(stiffness)
 
-    def softened(self, u: Array) -> float:
-        """θ of a displacement by its stresses alone; −∞ where cells are inverted."""
+    def softened(self, state: State) -> float:
+        """θ of a state by its stresses alone; −∞ where a cell is inverted in the mean."""
         assert self.softening is not None
         assert self.stress is not None
-        f = self.softening.fields.deformation_gradient(u)
-        piola = self.stress(f.astype(np.float64))
-        return -np.inf if piola is None else self.softening.least(f, piola.astype(f.dtype))
+        fields, f, piola = self.softening.fields, state.f, state.piola
+        if f is None or f.shape[2] > len(fields.weights):  # several points of a cell
+            f = fields.deformation_gradient(state.u).astype(np.float64)
+            piola = self.stress(f)
+        if piola is None:
+            return -np.inf
+        return self.softening.least(f.astype(fields.dtype), piola.astype(fields.dtype))
 
     def is_balanced(self, state: State, force: Array) -> bool:
         """Whether a state is in equilibrium, up to rounding."""
@@ -153,15 +172,16 @@ class DrivenBody:
             return bool(self.equilibrium.inverted(u[None])[0])
         return not bool((jacobian(self.fields.deformation_gradient(u))[0] > 0).all())
 
-    def _internal_forces(self, u: Array) -> Array | None:
-        """f_int in N, (n_points, d); None if a cell is inverted."""
+    def _internal_forces(self, u: Array) -> tuple[Array, ...] | None:
+        """f_int in N, (n_points, d), and F and P if these make it; None if a cell is inverted."""
         solid = self.equilibrium.solid
         if self.fields is None or self.stress is None:
             one = torch.from_numpy(u[None])
             inverted = bool(solid.inverted(one)[0])
-            return None if inverted else np.asarray(solid.internal_forces(one)[0].numpy())
-        piola = self.stress(self.fields.deformation_gradient(u))
-        return None if piola is None else self.fields.forces(piola)
+            return None if inverted else (np.asarray(solid.internal_forces(one)[0].numpy()),)
+        f = self.fields.deformation_gradient(u)
+        piola = self.stress(f)
+        return None if piola is None else (self.fields.forces(piola), f, piola)
 
 
 def longest(field: Array) -> float:

@@ -28,10 +28,12 @@ from numpy.typing import NDArray
 
 from surrogate.descent.cell_fields import CellFields, Values, jacobian, product
 from surrogate.mechanics.out_of_balance import Equilibrium
+from surrogate.series.compiled_fields import compiled
 
 Array = NDArray[np.float64]
 MODES, BESIDE = 6, 4  # that are kept, and others that are iterated with them
 ITERATIONS = 8
+BLOCK = 128  # points
 
 
 def soft_modes(equilibrium: Equilibrium, respond: Callable[[Array], Array]) -> Array:
@@ -69,15 +71,56 @@ class Softening:
 
     def __init__(self, fields: CellFields, modes: Array) -> None:
         self.fields = fields
-        self._slopes = [fields.slopes(mode) for mode in modes]
+        self._slopes = np.array([fields.slopes(mode) for mode in modes])
 
     def least(self, f: Values, piola: Values) -> float:
         """θ by the stresses alone, of F and P in Pa: (d, d, n) each."""
         j, cofactors = jacobian(f)
         weighted = product(cofactors.swapaxes(0, 1), piola) * (self.fields.weights / j)  # w S
-        turned = [product(f, slopes) for slopes in self._slopes]
-        stressed = np.array([product(h, weighted).ravel() for h in turned])
-        return 1 + least_eigenvalue(stressed @ np.array([h.ravel() for h in turned]).T)
+        return 1 + least_eigenvalue(work_of_stresses(f, weighted, self._slopes))
+
+
+@compiled
+def work_of_stresses(f: Values, stress: Values, slopes: Values) -> Values:
+    """Σ_q S : (Hᵢᵀ Hⱼ) with H = F ∇φ: (n_modes, n_modes), by blocks that stay in the cache.
+
+    Parameters
+    ----------
+    f, stress : array, (d, d, n)
+        F, and S times the volumes of the points.
+    slopes : array, (n_modes, d, d, n)
+        ∇φ.
+    """
+    modes, d, _, points = slopes.shape
+    h, stressed = np.empty((modes, d, d, BLOCK), f.dtype), np.empty(BLOCK, f.dtype)
+    out = np.zeros((modes, modes), f.dtype)
+    for start in range(0, points, BLOCK):
+        end = min(start + BLOCK, points)
+        for m in range(modes):
+            for i in range(d):
+                for j in range(d):
+                    row = h[m, i, j]
+                    row[:] = 0
+                    for k in range(d):
+                        a, b = f[i, k, start:end], slopes[m, k, j, start:end]
+                        for q in range(end - start):
+                            row[q] += a[q] * b[q]
+        for m in range(modes):
+            for i in range(d):
+                for j in range(d):
+                    stressed[:] = 0
+                    for k in range(d):
+                        a, b = h[m, i, k], stress[k, j, start:end]
+                        for q in range(end - start):
+                            stressed[q] += a[q] * b[q]
+                    for n in range(m + 1):
+                        row, total = h[n, i, j], f.dtype.type(0)
+                        for q in range(end - start):
+                            total += stressed[q] * row[q]
+                        out[m, n] += total
+    for m in range(modes):
+        out[:m, m] = out[m, :m]
+    return out
 
 
 def least_eigenvalue(matrix: Array) -> float:

@@ -20,12 +20,10 @@ from numpy.typing import NDArray
 from surrogate.descent.aim import Aim
 from surrogate.descent.directions import Directions
 from surrogate.descent.driven_body import State, longest
+from surrogate.descent.trust import MARGIN
 from surrogate.mechanics.newton_steps import norms
 
 Array = NDArray[np.float64]
-MARGIN = 0.4  # of the tolerance: largest estimate that counts as small
-CONTRACTION = 0.25  # largest one of steps that settle
-SMALL_PART = 1e-3  # of δ: third step that need not contract
 MOST = 10  # steps
 
 
@@ -65,21 +63,16 @@ def settle(directions: Directions, state: State, aim: Aim, has_time: Callable[[]
     has_time : callable
         Whether the budget allows another step.
     """
-    body, f = directions.body, directions.force
-    equilibrium, nodes = body.equilibrium, body.equilibrium.nodes
+    body, f, nodes = directions.body, directions.force, directions.body.equilibrium.nodes
     for count in range(1, MOST + 1):
-        found = equilibrium.newton_steps(state.u[None], f[None])
+        found = body.newton_steps(state, f)
         step, size = found.steps[0], longest(state.u[:nodes])
         allowed, balanced = aim.allowed(size), body.is_balanced(state, f)
         is_small = balanced or longest(step[:nodes]) <= MARGIN * allowed
         stable = bool(found.stable[0])
         if not stable and is_small:
             return Settled(state.u, count, longest(step[:nodes]), allowed, False, stable=False)
-        contracts = found.contraction[0] <= CONTRACTION and (
-            found.further_contraction[0] <= CONTRACTION
-            or norms(found.further)[0] <= SMALL_PART * norms(found.steps)[0]
-        )
-        if stable and (contracts or balanced):
+        if stable and (balanced or found.contract(norms(found.steps))[0]):
             end, left = state.u + step, longest(step[:nodes])
             if not balanced:
                 end, left = end + found.simplified[0], longest(found.simplified[0, :nodes])

@@ -16,6 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+CONTRACTION = 0.25  # largest Θ of steps that settle
+SMALL_PART = 1e-3  # of an error: largest third step that need not contract
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,16 @@ class NewtonSteps:
     def further_contraction(self) -> Array:
         """Θ of the simplified steps, (N,); 0 if δ̄ is 0, +∞ if a cell is inverted on the way."""
         return _contraction(self.simplified, self.further)
+
+    def contract(self, error: Array) -> NDArray[np.bool_]:
+        """Whether the steps settle, (N,): δ̄ is at most a quarter of δ, and contracts as well.
+
+        It need not where the third step is at most a thousandth of the norm of an estimated error
+        in m, (N,).
+        """
+        negligible = norms(self.further) <= SMALL_PART * error
+        further = (self.further_contraction <= CONTRACTION) | negligible
+        return np.asarray((self.contraction <= CONTRACTION) & further)
 
 
 def norms(fields: Array) -> Array:
