@@ -25,7 +25,7 @@ from surrogate.descent.aim import Aim
 from surrogate.descent.directions import Directions
 from surrogate.descent.driven_body import DrivenBody, longest
 from surrogate.descent.tangent_steps import settle
-from surrogate.descent.trust import FEW, MARGIN, Trust
+from surrogate.descent.trust import MARGIN, Trust
 
 Array = NDArray[np.float64]
 LAST = 0.7  # of the tolerance: largest last term of a series that needs no direction
@@ -136,7 +136,7 @@ def descend(
         balanced = body.is_balanced(state, f)
         enough = trust.are_short(state, estimate, allowed, count) or balanced
         small = aim.tolerance is not None and estimate <= MARGIN * allowed
-        if small and (enough or count > FEW):
+        if small and (enough or trust.has_ended(count)):
             if enough and trust.is_stiff(state):
                 for last in (state.u + d, state.u):
                     if not body.is_inverted(last):

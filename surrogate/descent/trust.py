@@ -2,15 +2,17 @@ r"""When the directions of a load are to be trusted: they are short, and soft mo
 
 The length of a direction estimates the error of u, if P is nearly the inverse of the tangent K(u).
 It is too short along what P does not know to be soft: where stresses nearly make the body buckle,
-or its material gives way. Along a soft direction it also becomes shorter by little, or longer
-again, once pairs of L-BFGS tell of it. So directions are short enough if
+or its material gives way. Directions of L-BFGS may even stay short for a while, until their pairs
+tell of a soft direction. So directions are short enough if
 
 - the first one is at most `FIRST` of the tolerance;
 - or it is at most `MARGIN` θ of it, with the least stiffness θ of the softest modes
   (`surrogate.descent.soft_modes`), and at most `LEFT` of the load is out of balance;
 - or so many in a row are together at most `TOGETHER` of it, of the first `FEW`;
 
-and the softest modes must keep at least `SOFT` of their stiffness.
+and the softest modes must keep at least `SOFT` of their stiffness. The last two do not hold where
+the tangent has a narrow band, as that of a slender body, which has many soft directions. It is
+factorised in the time of a few directions.
 """
 
 from __future__ import annotations
@@ -19,13 +21,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surrogate.descent.driven_body import SOFT, DrivenBody, State, longest
+from surrogate.mechanics.matrices.band_matrix import BandLayout
 
 Array = NDArray[np.float64]
 MARGIN = 0.4  # of the tolerance: largest estimate that counts as small
 FIRST = 0.2  # of the tolerance: largest first direction that is enough
 LEFT = 0.05  # of the load: largest forces out of balance beside a prediction that is nearly right
-TOGETHER = {2: 0.2, 3: 0.4}  # of the tolerance, by the number of directions in a row
-FEW = 10  # directions that may be enough
+TOGETHER = {2: 0.1, 3: 0.2}  # of the tolerance, by the number of directions in a row
+FEW = 14  # directions that may be enough
+NARROW = 100  # of a band: largest width of one that is factorised in the time of a few directions
 NEAR = 0.01  # of the largest displacement: distance of states whose modes are equally stiff
 
 
@@ -44,6 +48,8 @@ class Trust:
         self._lengths: list[float] = []
         self._looked_at: State | None = None
         self._stiffness = 1.0
+        layout = body.equilibrium.layout
+        self._is_narrow = isinstance(layout, BandLayout) and layout.width <= NARROW
 
     def are_short(self, state: State, estimate: float, allowed: float, count: int) -> bool:
         """Whether the directions are short enough.
@@ -57,15 +63,20 @@ class Trust:
             Number of directions that were computed, with those of other states.
         """
         self._lengths.append(estimate)
-        if count == 1 and estimate <= MARGIN * allowed:
-            if estimate <= FIRST * allowed:
-                return True
-            stiffness = self.stiffness(state) if self.is_nearly_balanced(state) else 0.0
-            return estimate <= MARGIN * stiffness * allowed
-        return count <= FEW and any(
+        if count == 1 and estimate <= FIRST * allowed:
+            return True
+        if self.has_ended(count):
+            return False
+        if count == 1 and estimate <= MARGIN * allowed and self.is_nearly_balanced(state):
+            return estimate <= MARGIN * self.stiffness(state) * allowed
+        return any(
             len(self._lengths) >= number and sum(self._lengths[-number:]) <= part * allowed
             for number, part in TOGETHER.items()
         )
+
+    def has_ended(self, count: int) -> bool:
+        """Whether directions after so many are trusted no longer, so that K(u) is factorised."""
+        return self._is_narrow or count > FEW
 
     def needs_no_direction(self, state: State) -> bool:
         """Whether little of a dead load is out of balance, and stresses soften no mode."""
