@@ -12,7 +12,7 @@ import pytest
 
 import surrogate
 from shared_schema.grid import Grid
-from shared_schema.material import NeoHookean
+from shared_schema.materials import NeoHookean
 from surrogate.certify.correction import correct
 from surrogate.data.geometry import Geometry
 from surrogate.descent import Aim, Descent, DrivenBody, descend
