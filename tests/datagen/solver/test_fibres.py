@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -17,7 +19,13 @@ from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings
 from shared_schema.common.errors import InputError
-from shared_schema.materials import Guccione, HolzapfelGasserOgden, Material, MooneyRivlin
+from shared_schema.materials import (
+    Guccione,
+    HolzapfelGasserOgden,
+    Material,
+    MooneyRivlin,
+    material_of,
+)
 from tests.shared_schema.materials.deformations import stress
 
 Array = NDArray[np.float64]
@@ -156,3 +164,28 @@ def test_missing_directions() -> None:
     free = np.zeros(len(mesh.coordinates), dtype=bool)
     with pytest.raises(InputError, match="every cell has 0 directions of fibres, expected 1"):
         EquilibriumProblem(mesh, ARTERY, free, SolverSettings())
+
+
+def test_own_material_with_fibres(tmp_path: Path) -> None:
+    """One that a user writes, equal to a shipped one: stresses of every cell."""
+    (tmp_path / "own.py").write_text(
+        "from shared_schema import OwnMaterial\n\n\n"
+        "class Mine(OwnMaterial):\n"
+        "    families = 1\n"
+        "    stiffness: float\n\n"
+        "    def energy(self, c, of):\n"
+        "        first = c.j ** (-2 / 3) * c.i1 - 3\n"
+        "        (a,) = c.fibres\n"
+        "        strain = of.positive(c.j ** (-2 / 3) * a.stretch - 1)\n"
+        "        return 100 * first + self.stiffness / 1.6 * (of.exp(0.8 * strain**2) - 1) "
+        "+ 1500 * (c.j - 1) ** 2\n"
+    )
+    content = {"model": "own.py:Mine", "stiffness": 80.0, "fibres": [1, 0]}
+    shipped = ARTERY.model_copy(update={"kappa": 0.0, "fibres": ((1.0, 0.0),)})
+    mesh = plane_mesh(simplices=False)
+    fibres = directions(len(mesh.cells), 1, 2)
+    both = [
+        deformed(mesh, material, SHEARED, fibres=fibres)
+        for material in (material_of(content, tmp_path), shipped)
+    ]
+    np.testing.assert_allclose(both[0], both[1], rtol=1e-9, atol=1e-9)

@@ -23,9 +23,11 @@ from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings
 from shared_schema.common.errors import InputError
 from shared_schema.materials import (
+    ArrudaBoyce,
     Gent,
     MooneyRivlin,
     NeoHookean,
+    Ogden,
     ShippedMaterial,
     StVenantKirchhoff,
     Yeoh,
@@ -68,6 +70,26 @@ def st_venant_kirchhoff(stretch: np.ndarray) -> np.ndarray:
     return np.asarray(stretch * (lam * strain.sum() + 2 * mu * strain))
 
 
+def eight_chains(first: float) -> float:
+    """dW/dĪ₁ = μ Σ i aᵢ Ī₁^(i−1)/λₘ^(2i−2) with μ = 150 Pa, λₘ = 2, of Ī₁ − 3."""
+    terms = zip((1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750), range(1, 6), strict=True)
+    return 150 * sum(i * a * ((first + 3) / 4) ** (i - 1) for a, i in terms)
+
+
+def ogden(*pairs: tuple[float, float]) -> Slope:
+    """∂W/∂λᵢ = Σ μ (λ̄ᵢ^α − (λ̄₁^α + λ̄₂^α + λ̄₃^α)/3)/λᵢ + K (J − 1) J/λᵢ, K = 3000 Pa."""
+
+    def stresses(stretch: np.ndarray) -> np.ndarray:
+        j = stretch.prod()
+        kirchhoff = np.full(3, 3000.0 * (j - 1) * j)
+        for mu, alpha in pairs:
+            powers = (j ** (-1 / 3) * stretch) ** alpha
+            kirchhoff += mu * (powers - powers.mean())
+        return np.asarray(kirchhoff / stretch)
+
+    return stresses
+
+
 MATERIALS: list[tuple[ShippedMaterial, Slope]] = [
     (NeoHookean(young_modulus=500, poisson_ratio=0.4), neo_hookean),
     (StVenantKirchhoff(young_modulus=500, poisson_ratio=0.4), st_venant_kirchhoff),
@@ -79,6 +101,14 @@ MATERIALS: list[tuple[ShippedMaterial, Slope]] = [
     (
         Gent(shear_modulus=170, limit=8, bulk_modulus=3000),
         rubber(lambda x: 85 / (1 - x / 8), 3000.0),
+    ),
+    (
+        ArrudaBoyce(shear_modulus=150, limit_stretch=2, bulk_modulus=3000),
+        rubber(eight_chains, 3000.0),
+    ),
+    (
+        Ogden(mu=(100.0, 5.0, -20.0), alpha=(2.0, 4.0, -2.0), bulk_modulus=3000),
+        ogden((100.0, 2.0), (5.0, 4.0), (-20.0, -2.0)),
     ),
 ]
 NAMES = [material.model for material, _ in MATERIALS]
@@ -126,6 +156,13 @@ def test_uniaxial_stress(material: ShippedMaterial, stresses: Slope, stretch: fl
     assert fields["von_mises"][0] == pytest.approx(abs(cauchy), rel=1e-8)
     assert fields["jacobian"][0] == pytest.approx(stretch * t**2, rel=1e-9)
     assert problem.energy() == pytest.approx(fields["energy_density"][0], rel=1e-9)
+
+
+@pytest.mark.slow  # compiles kernels for half a minute
+def test_ogdens_fractions() -> None:
+    """An exponent that is no even number, the lateral faces free."""
+    material = Ogden(mu=(200.0,), alpha=(1.3,), bulk_modulus=3000)
+    test_uniaxial_stress(material, ogden((200.0, 1.3)), 1.7)
 
 
 @pytest.mark.parametrize(("material", "stresses"), MATERIALS, ids=NAMES)
