@@ -19,7 +19,7 @@ from scipy.sparse.linalg import splu
 
 from surrogate.mechanics.matrices.cell_matrices import sum_of_cells
 from surrogate.mechanics.out_of_balance import Equilibrium
-from surrogate.mechanics.solids.neo_hookean import determinant
+from surrogate.mechanics.solids.deformation import determinant
 
 Array = NDArray[np.float64]
 FEW = 0.3  # of the cells, beyond which a prediction is wrong as a whole

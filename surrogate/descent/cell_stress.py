@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 
 from shared_schema.materials import NeoHookean
 from surrogate.descent.cell_fields import jacobian
-from surrogate.mechanics.solids.hyperelastic import stress
+from surrogate.mechanics.energy.law import law_of
 from surrogate.mechanics.solids.mean_dilation import MeanDilationSolid
-from surrogate.mechanics.solids.solid import Solid
+from surrogate.mechanics.solids.solid import Points, Solid, stress_at
 from surrogate.series.stress_series import Factors
 
 Array = NDArray[np.float64]
@@ -60,7 +60,8 @@ class CellStress:
         solid, cells = self._solid, len(self._volumes)
         if self._factors is None:
             of_cells = torch.from_numpy(f).reshape(*f.shape[:2], cells, 1, -1)
-            return solid.by_material(stress, of_cells).flatten(2).numpy()
+            laws = [law_of(material, len(f)) for material in solid.materials]
+            return solid.by_law(stress_at, Points(of_cells), laws).flatten(2).numpy()
         if isinstance(solid, MeanDilationSolid):
             return self._of_mean_dilation(f, j, cofactors)
         mu, growth, decay = np.repeat(self._factors, len(j) // cells, axis=1)

@@ -23,7 +23,7 @@ from surrogate.mechanics.compliance import DENSE
 from surrogate.mechanics.linear_response import LinearResponse
 from surrogate.mechanics.matrices.band_matrix import BandLayout
 from surrogate.mechanics.out_of_balance import Equilibrium
-from surrogate.mechanics.solids.neo_hookean import determinant, stress
+from surrogate.mechanics.solids.deformation import determinant, stress
 from surrogate.mechanics.solids.solid import Solid
 from surrogate.mechanics.solids.zones import material_of_zones, weights_of_zones
 from surrogate.series.series_response import CellOperators

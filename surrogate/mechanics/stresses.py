@@ -10,11 +10,11 @@ from shared_schema.common.bodies.quadratic.quadratic_cells import LINEAR
 from shared_schema.common.bodies.reference_cells import CORNERS
 from shared_schema.common.bodies.stress_fields import stress_fields
 from surrogate.data.geometry import Geometry
+from surrogate.mechanics.energy.law import law_of
 from surrogate.mechanics.solids.elements import gradients_at
-from surrogate.mechanics.solids.hyperelastic import completed, energy_density, stress
+from surrogate.mechanics.solids.deformation import completed, determinant
 from surrogate.mechanics.solids.mean_dilation import MeanDilationSolid
-from surrogate.mechanics.solids.neo_hookean import determinant
-from surrogate.mechanics.solids.solid import Solid
+from surrogate.mechanics.solids.solid import Points, Solid, density_at, stress_at
 from surrogate.mechanics.solids.taylor_hood import TaylorHoodSolid
 
 Array = NDArray[np.float64]
@@ -46,7 +46,8 @@ def cell_stresses(solid: Solid, geometry: Geometry, displacement: Array) -> dict
         ratio = solid.dilation(torch.from_numpy(displacement)) / determinant(gradient)
         gradient = ratio ** (1 / geometry.dimension) * gradient
     f = completed(gradient[..., None])
-    p, w = solid.by_material(stress, f), solid.by_material(energy_density, f)
+    laws = [law_of(material, 3) for material in solid.materials]
+    p, w = (solid.by_law(field, Points(f), laws) for field in (stress_at, density_at))
     of_cells = f[..., 0].permute(3, 2, 0, 1).numpy()
     first_piola = p[..., 0].permute(3, 2, 0, 1).numpy()
     return stress_fields(of_cells, first_piola, w[..., 0].T.numpy())

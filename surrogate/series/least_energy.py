@@ -9,7 +9,7 @@ terms span is much better than their sum: it is the reduced basis of A. K. Noor 
 
 With the displacement gradients Hₖ of the terms, e = J - 1 is a polynomial of c
 (`surrogate.series.jacobian`) that begins with :math:`c_k \, \mathrm{tr} H_k`. So the
-energy of the Neo-Hookean solid (`surrogate.mechanics.solids.neo_hookean`) is, with sums over the
+energy of the Neo-Hookean solid (`surrogate.mechanics.solids.deformation`) is, with sums over the
 quadrature points,
 
 .. math::

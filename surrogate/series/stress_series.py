@@ -4,7 +4,7 @@ r"""Series of the Neo-Hookean stress on a path of deformations, term by term.
     F = I + \sum_k t^k H_k, \qquad \mathrm{cof} F = \sum_k t^k C_k, \qquad
     J = \sum_k t^k J_k, \qquad \frac{1}{J} = \sum_k t^k R_k, \qquad P = \sum_k t^k P_k
 
-With :math:`F^{-T} = \mathrm{cof} F / J` the stress (`surrogate.mechanics.solids.neo_hookean`) is
+With :math:`F^{-T} = \mathrm{cof} F / J` the stress (`surrogate.mechanics.solids.deformation`) is
 :math:`P = μ F + s \, \mathrm{cof} F`, :math:`s = U' - μ / J`. From :math:`J' = \mathrm{cof} F : F'`
 and :math:`J \, (1/J) = 1` follow, beginning with :math:`C_0 = I` and :math:`J_0 = R_0 = 1`,
 

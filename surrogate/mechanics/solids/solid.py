@@ -1,37 +1,68 @@
-r"""A solid of finite elements: strain energy, internal forces, tangent.
+r"""A solid of finite elements: strain energy, internal forces, tangent, for any material.
 
 With the displacements u at the nodes, the shape functions' gradients :math:`G_a = ∇N_a` and the
 quadrature volumes :math:`w_q`,
 
 .. math::
     F = I + \sum_a u_a ⊗ G_a, \qquad E(u) = \sum_q w_q W(F_q), \qquad
-    f_{int,a} = \frac{∂E}{∂u_a} = \sum_q w_q P_q G_a.
+    f_{int,a} = \frac{∂E}{∂u_a} = \sum_q w_q P_q G_a, \qquad
+    K_{aibk} = \sum_q w_q G_{aj} \mathbb{A}_{ijkl} G_{bl}
 
-The tangent of a cell is :math:`K_{aibk} = \sum_q w_q G_{aj} \mathbb{A}_{ijkl} G_{bl}` with the
-moduli of `surrogate.mechanics.solids.hyperelastic`. That of a Neo-Hookean cell has a closed form
-with the gradients :math:`g_a = F^{-T} G_a` on the deformed body
-(`surrogate.mechanics.solids.neo_hookean`):
+with the stress P and the moduli of `surrogate.mechanics.solids.deformation`. The same equations, in
+UFL, are those of `datagen`; a test compares the two.
+
+*Incompressible* elements have a dilation θ of their own in place of J, so that they do not lock
+where the material hardly changes its volume: the projection of J on some functions, in the mean
+square over the body (Simo, Taylor and Pister 1985),
 
 .. math::
-    K_{ab} = \frac{∂f_{int,a}}{∂u_b} = \sum_q w_q \left[ μ (G_a · G_b) I
-    + (μ - J U') \, g_b ⊗ g_a + (J U' + J^2 U'') \, g_a ⊗ g_b \right].
+    E(u) = \sum_q w_q W(\bar F_q), \quad \bar F = (θ / J)^{1/d} F, \quad θ = Π J, \qquad
+    P = \frac{∂W}{∂F} + p \, \mathrm{cof} F, \quad p = Π \frac{∂W}{∂θ}.
 
-The same equations, in UFL, are those of `datagen`; a test compares the two.
+These functions are constant in every cell (`surrogate.mechanics.solids.mean_dilation`), or linear in
+it and continuous (`surrogate.mechanics.solids.taylor_hood`). A displacement that is slightly wrong
+has pressures p that are very wrong, since a small change of the volume makes a large one. The
+tangent without them is called relaxed; a step with it makes the volumes right.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from shared_schema.materials import Materials, NeoHookean, ShippedMaterial, as_tuple
+from shared_schema.materials import Materials, as_tuple
+from surrogate.mechanics.energy.law import DILATION, VOLUME, Law, law_of
+from surrogate.mechanics.solids.deformation import Deformation, determinant, moduli_of
 from surrogate.mechanics.solids.elements import cell_gradients
-from surrogate.mechanics.solids.hyperelastic import energy_density, moduli, stress
-from surrogate.mechanics.solids.neo_hookean import determinant, inverse_transpose, tangent_moduli
+
+
+class Points(NamedTuple):
+    """What is known at the quadrature points of N states.
+
+    Attributes
+    ----------
+    f : Tensor, (d, d, n_cells, N, n_points)
+    dilation, pressure : Tensor, (n_cells, N, n_points), or None
+        θ, and p in Pa.
+    """
+
+    f: Tensor
+    dilation: Tensor | None = None
+    pressure: Tensor | None = None
+
+    def of(self, cells: NDArray[np.int64]) -> Points:
+        """Those of some cells."""
+        some = (None if each is None else each[cells] for each in self[1:])
+        return Points(self.f[:, :, cells], *some)
+
+    def state(self) -> Deformation:
+        """The deformation there."""
+        return Deformation(self.f, self.dilation)
 
 
 class Solid(nn.Module):
@@ -55,13 +86,17 @@ class Solid(nn.Module):
     ----------
     nodes : int
         Number of nodes.
+    members : list of array of int
+        Cells of every material, if there are several.
+    projects : bool
+        Whether θ is found from J.
     """
 
     cells: Tensor
     gradients: Tensor
     volumes: Tensor
-    constant: Tensor
     _order: Tensor
+    projects = False
 
     def __init__(
         self,
@@ -73,24 +108,24 @@ class Solid(nn.Module):
     ) -> None:
         super().__init__()
         gradients, volumes = cell_gradients(coordinates, cells, cell_type)
-        constant = np.empty(0)
-        if isinstance(material, NeoHookean):
-            metric = np.einsum("cq,cqaj,cqbj->cab", volumes, gradients, gradients)
-            constant = material.lame_mu * metric
         self.nodes = len(coordinates)
         self.materials = as_tuple(material)
-        self.neo_hookean = material if isinstance(material, NeoHookean) else None
-        self._members = []
+        self.members = []
         if len(self.materials) > 1:
             if parts is None or not np.all((parts >= 0) & (parts < len(self.materials))):
                 raise ValueError("a cell is of none of the materials")
-            self._members = [np.flatnonzero(parts == i) for i in range(len(self.materials))]
-            order = torch.from_numpy(np.argsort(np.concatenate(self._members)))
+            self.members = [np.flatnonzero(parts == i) for i in range(len(self.materials))]
+            order = torch.from_numpy(np.argsort(np.concatenate(self.members)))
             self.register_buffer("_order", order, persistent=False)
         self.register_buffer("cells", torch.tensor(cells), persistent=False)
         self.register_buffer("gradients", torch.from_numpy(gradients), persistent=False)
         self.register_buffer("volumes", torch.from_numpy(volumes), persistent=False)
-        self.register_buffer("constant", torch.from_numpy(constant), persistent=False)
+
+    @property
+    def laws(self) -> list[Law]:
+        """Law of every material."""
+        d = self.gradients.shape[3]
+        return [law_of(material, d, self.projects) for material in self.materials]
 
     def deformation_gradient(self, u: Tensor) -> Tensor:
         """F at the quadrature points: (N, n_nodes, d) in m → (d, d, n_cells, N, n_points)."""
@@ -116,74 +151,164 @@ class Solid(nn.Module):
         total = forces.new_zeros(forces.shape[1], self.nodes, forces.shape[2])
         return total.index_add(1, self.cells.flatten(), at_nodes)
 
-    def by_material(
-        self, function: Callable[[Tensor, ShippedMaterial], Tensor], f: Tensor
+    def by_law(
+        self,
+        function: Callable[[Points, Law], Tensor],
+        points: Points,
+        laws: Sequence[Law] | None = None,
     ) -> Tensor:
-        """Apply a function of F and a material to F of all cells, the axis before the last two."""
-        if len(self.materials) == 1:
-            return function(f, self.materials[0])
-        results = [
-            function(f[:, :, members], material)
-            for members, material in zip(self._members, self.materials, strict=True)
-        ]
-        return torch.cat(results, dim=-3).index_select(-3, self._order)
+        """Apply a function of points and a law to those of all cells, the axis before the last two.
+
+        Its result has them as well. Laws are those of the materials by default.
+        """
+        laws = self.laws if laws is None else laws
+        if len(laws) == 1:
+            return function(points, laws[0])
+        parts = zip(self.members, laws, strict=True)
+        return self.joined([function(points.of(members), law) for members, law in parts])
+
+    def joined(self, parts: Sequence[Tensor]) -> Tensor:
+        """Fields of the cells of all materials, one after the other, as one of all cells."""
+        if len(parts) == 1:
+            return parts[0]
+        return torch.cat(list(parts), dim=-3).index_select(-3, self._order)
 
     def material_of_cells(self) -> Tensor:
         """Position of each cell's material, (n_cells,)."""
         numbers = torch.zeros(len(self.cells), dtype=torch.int64)
-        for number, members in enumerate(self._members):
+        for number, members in enumerate(self.members):
             numbers[members] = number
         return numbers
 
+    def projected(self, values: Tensor) -> Tensor:
+        """Π of values at the points: (n_cells, N, n_points) → same."""
+        raise NotImplementedError("the elements have no dilation of their own")
+
+    def points(self, u: Tensor) -> Points:
+        """F, and θ if the elements find it: (N, n_nodes, d) in m."""
+        return self.at(self.deformation_gradient(u))
+
+    def at(self, f: Tensor) -> Points:
+        """The same at given F."""
+        return Points(f, self.projected(determinant(f)) if self.projects else None)
+
+    def with_pressure(self, points: Points) -> Points:
+        """The same with p, if the elements have it."""
+        if points.dilation is None:
+            return points
+        return points._replace(pressure=self.projected(self.by_law(_slope, points)))
+
     def inverted(self, u: Tensor) -> Tensor:
-        """Number of cells with J ≤ 0 (or no number) at a point: (N, n_nodes, d) in m → (N,)."""
-        j = determinant(self.deformation_gradient(u))
-        return (~((j > 0) & (j < torch.inf))).any(dim=2).sum(dim=0)  # true for NaN as well
+        """Number of cells with J ≤ 0, or θ ≤ 0, (or no number) at a point: (N, n_nodes, d) → (N,).
+
+        Displacements are in m.
+        """
+        return self.turned_over(self.points(u))
+
+    def turned_over(self, points: Points) -> Tensor:
+        """The same of given F and θ."""
+        good = _inside(determinant(points.f))
+        if points.dilation is not None:
+            good &= _inside(points.dilation)
+        return (~good).any(dim=2).sum(dim=0)  # true for NaN as well
 
     def energy(self, u: Tensor) -> Tensor:
         """Strain energy E(u) in J, +∞ if a cell is inverted: (N, n_nodes, d) in m → (N,)."""
-        density = self.by_material(energy_density, self.deformation_gradient(u))
-        return (self.volumes[:, None] * density).sum((0, 2))
+        return (self.volumes[:, None] * self.by_law(density_at, self.points(u))).sum((0, 2))
 
     def first_piola(self, u: Tensor) -> Tensor:
         """P in Pa at the quadrature points: (N, n_nodes, d) → (d, d, n_cells, N, n_points)."""
-        return self.by_material(stress, self.deformation_gradient(u))
+        return self.stress_of(self.with_pressure(self.points(u)))
+
+    def stress_of(self, points: Points) -> Tensor:
+        """The same of given F, θ and p."""
+        return self.by_law(stress_at, points)
 
     def internal_forces(self, u: Tensor) -> Tensor:
         """f_int = ∂E/∂u in N, no meaning if a cell is inverted: (N, n_nodes, d) in m → same."""
+        return self.forces_of(self.first_piola(u))
+
+    def forces_of(self, stress: Tensor) -> Tensor:
+        """Σ_q w_q P_q G_a in N: (d, d, n_cells, N, n_points) in Pa → (N, n_nodes, d)."""
         count, points, corners, d = self.gradients.shape
-        p = self.volumes[:, None] * self.first_piola(u)
-        p = p.permute(2, 3, 0, 4, 1).reshape(count, len(u) * d, points * d)
+        samples = stress.shape[3]
+        p = (self.volumes[:, None] * stress).permute(2, 3, 0, 4, 1)
         slopes = self.gradients.transpose(2, 3).reshape(count, points * d, corners)
-        return self.sum_at_nodes(torch.bmm(p, slopes).reshape(count, len(u), d, corners))
+        forces = torch.bmm(p.reshape(count, samples * d, points * d), slopes)
+        return self.sum_at_nodes(forces.reshape(count, samples, d, corners))
 
     def stiffness_at_rest(self) -> Tensor:
         """Positive definite stiffness K(0) of every cell, of the shape of `cell_tangents`."""
         return self.cell_tangents(self.gradients.new_zeros(1, self.nodes, self.gradients.shape[3]))
 
-    def cell_tangents(self, u: Tensor) -> Tensor:
+    def cell_tangents(self, u: Tensor, relaxed: bool = False) -> Tensor:
         """K of every cell in N/m: (N, n_nodes, d) in m → (N, n_cells, n_corners d, n_corners d).
 
-        Rows and columns are numbered corner · d + component.
+        Rows and columns are numbered corner · d + component. A relaxed tangent lacks the part of
+        pressures p.
         """
-        count, points, corners, d = self.gradients.shape
-        f = self.deformation_gradient(u)
-        if self.neo_hookean is None:
-            a = self.by_material(moduli, f) * self.volumes[:, None]
-            k = torch.einsum("cqaj,ijklcnq,cqbl->ncaibk", self.gradients, a, self.gradients)
-            return k.reshape(len(u), count, corners * d, corners * d)
-        j = determinant(f)
-        inverse = inverse_transpose(f, j).permute(2, 4, 1, 3, 0).reshape(count * points, d, -1)
-        g = torch.bmm(self.gradients.reshape(-1, corners, d), inverse)
-        g = g.reshape(count, points, corners, len(u), d).permute(3, 0, 1, 2, 4)
-        g = g.reshape(len(u) * count, points, corners * d)
-        crossed, squared = tangent_moduli(j, self.neo_hookean)
-        crossed = (self.volumes[:, None] * crossed).transpose(0, 1).reshape(-1, points, 1)
-        squared = (self.volumes[:, None] * squared).transpose(0, 1).reshape(-1, points, 1)
-        k = torch.bmm((squared * g).transpose(1, 2), g)
-        k = k.reshape(-1, corners, d, corners, d)
-        swapped = torch.bmm((crossed * g).transpose(1, 2), g).reshape(k.shape)
-        k += swapped.permute(0, 3, 2, 1, 4)
-        k = k.reshape(len(u), count, corners, d, corners, d)
-        k.diagonal(dim1=3, dim2=5).add_(self.constant[..., None])
-        return k.reshape(len(u), count, corners * d, corners * d)
+        return self.tangents_at(self.points(u))
+
+    def tangents_at(self, points: Points, laws: Sequence[Law] | None = None) -> Tensor:
+        """The same at fixed θ and p."""
+        count, number, corners, d = self.gradients.shape
+        samples = points.f.shape[3]
+        a = self.by_law(_moduli, points, laws) * self.volumes[:, None]
+        a = a.permute(4, 5, 6, 1, 0, 2, 3)  # (n_cells, N, n_points, j, i, k, l)
+        a = a.reshape(count, samples, number, d**3, d)
+        turned = a @ self.gradients.transpose(2, 3)[:, None]  # (…, j i k, n_corners)
+        turned = turned.reshape(count, samples, number * d, d * d * corners)
+        slopes = self.gradients.permute(0, 2, 1, 3).reshape(count, 1, corners, number * d)
+        k = (slopes @ turned).reshape(count, samples, corners, d, d, corners)
+        return k.permute(1, 0, 2, 3, 5, 4).reshape(samples, count, corners * d, corners * d)
+
+
+def _inside(j: Tensor) -> Tensor:
+    return (j > 0) & (j < torch.inf)
+
+
+def density_at(points: Points, law: Law) -> Tensor:
+    """W in J/m³."""
+    return points.state().energy(law)
+
+
+def _slope(points: Points, law: Law) -> Tensor:
+    """∂W/∂θ in Pa."""
+    state = points.state()
+    return torch.zeros_like(state.j) + law.stress(state.measures, torch)[DILATION]
+
+
+def with_pressure_of(first: list[Tensor], points: Points) -> list[Tensor]:
+    """Derivatives of the energy, with p as a part of that by J."""
+    if points.pressure is not None:
+        first[VOLUME] = first[VOLUME] + points.pressure
+    return first
+
+
+def stress_at(points: Points, law: Law) -> Tensor:
+    """P in Pa."""
+    state = points.state()
+    return state.stress(with_pressure_of(law.stress(state.measures, torch), points))
+
+
+def _moduli(points: Points, law: Law) -> Tensor:
+    """∂P/∂F in Pa at fixed θ and p."""
+    state = points.state()
+    outputs = law.energy(state.measures, torch)
+    outputs[1 : 1 + law.count] = with_pressure_of(outputs[1 : 1 + law.count], points)
+    return moduli_of(state, law, outputs)
+
+
+def mixed(points: Points, law: Law) -> Tensor:
+    """∂²W/∂F∂θ in Pa: (d, d, n_cells, N, n_points)."""
+    state = points.state()
+    second = law.second(law.energy(state.measures, torch))
+    factors = [second.get((min(a, DILATION), max(a, DILATION)), 0.0) for a in range(law.count)]
+    return state.stress(factors)
+
+
+def curvature(points: Points, law: Law) -> Tensor:
+    """∂²W/∂θ² in Pa: (n_cells, N, n_points)."""
+    state = points.state()
+    second = law.second(law.energy(state.measures, torch))
+    return torch.zeros_like(state.j) + second.get((DILATION, DILATION), 0.0)

@@ -19,7 +19,7 @@ from surrogate.inference.given_load import separated
 from surrogate.mechanics.follower_pressure import FollowerPressure
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.quadratic import QuadraticEquilibrium
-from surrogate.mechanics.solids.hyperelastic import completed, stress
+from surrogate.mechanics.solids.deformation import completed, stress
 from surrogate.mechanics.stresses import cell_stresses, reactions
 from tests.surrogate.mechanics.bodies import MATERIAL, box
 

@@ -30,7 +30,7 @@ from surrogate.data.geometry import Geometry
 from surrogate.mechanics.newton_steps import norms
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.quadratic import QuadraticEquilibrium
-from surrogate.mechanics.solids.hyperelastic import stress
+from surrogate.mechanics.solids.deformation import stress
 from tests.surrogate.mechanics.bodies import MATERIAL, cells_of
 
 Array = NDArray[np.float64]

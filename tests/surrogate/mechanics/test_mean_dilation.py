@@ -13,7 +13,7 @@ from surrogate.certify.correction import correct
 from surrogate.certify.full_certificate import certify
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.out_of_balance import Equilibrium
-from surrogate.mechanics.solids.hyperelastic import energy_density
+from surrogate.mechanics.solids.deformation import energy_density
 from surrogate.mechanics.solids.mean_dilation import MeanDilationSolid
 from surrogate.mechanics.solids.solid import Solid
 from tests.surrogate.mechanics.bodies import box, end_load

@@ -14,7 +14,7 @@ from surrogate.certify.full_certificate import certify
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.quadratic import QuadraticEquilibrium
-from surrogate.mechanics.solids.hyperelastic import energy_density
+from surrogate.mechanics.solids.deformation import energy_density
 from surrogate.mechanics.solids.taylor_hood import TaylorHoodSolid
 from tests.surrogate.mechanics.bodies import box, end_load
 

@@ -1,0 +1,1 @@
+"""Strain energies as lists of scalar operations."""

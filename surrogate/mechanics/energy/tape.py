@@ -1,0 +1,219 @@
+r"""A strain energy and its derivatives as one list of scalar operations: a *tape*.
+
+The energy :math:`ψ(I_1, I_2, J, …)` of a material (`shared_schema.materials`) is differentiated by
+SymPy, once, and what its derivatives have in common is computed once. The result is data: what runs
+it, with numbers, tensors or power series, is the same for every material, a user's own among them.
+
+==========  ====================  ==========================================
+operation   value                 k-th coefficient of its power series, k ≥ 1
+==========  ====================  ==========================================
+SUM         a + b                 aₖ + bₖ
+SCALE       c a                   c aₖ
+SHIFT       a + c                 aₖ
+PRODUCT     a b                   Σᵢ aᵢ bₖ₋ᵢ
+POWER       y = a^c               Σᵢ (c i − k + i) aᵢ yₖ₋ᵢ / (k a₀), i ≥ 1
+EXP         y = exp a             Σᵢ i aᵢ yₖ₋ᵢ / k, i ≥ 1
+LN          y = ln a              (aₖ − Σᵢ i yᵢ aₖ₋ᵢ / k) / a₀, 1 ≤ i < k
+POSITIVE    max(a, 0)             step(a₀) aₖ
+STEP        1, 1/2, 0: a >, =, < 0  0
+==========  ====================  ==========================================
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from types import ModuleType
+from typing import Any, TypeAlias
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+
+Values: TypeAlias = Any  # numbers, arrays or tensors
+WHOLE = 1e-12  # largest distance of an exponent from a whole number that is a rounding error
+
+
+class Operation(IntEnum):
+    """Operations of a tape."""
+
+    SUM = 0
+    SCALE = 1
+    SHIFT = 2
+    PRODUCT = 3
+    POWER = 4
+    EXP = 5
+    LN = 6
+    POSITIVE = 7
+    STEP = 8
+
+
+class step(sympy.Function):  # noqa: N801 - printed as it is written
+    """Derivative of `positive`: 1, 1/2 or 0 where the argument is positive, zero or negative."""
+
+    def fdiff(self, argindex: int = 1) -> sympy.Expr:
+        """Zero."""
+        return sympy.Integer(0)
+
+
+class positive(sympy.Function):  # noqa: N801
+    """The larger one of the argument and 0."""
+
+    def fdiff(self, argindex: int = 1) -> sympy.Expr:
+        """The step."""
+        return step(self.args[0])
+
+
+@dataclass(frozen=True)
+class Tape:
+    """Operations on slots: first the inputs, then the result of every operation.
+
+    Attributes
+    ----------
+    inputs : int
+        Number of inputs.
+    codes : array of int, (n,)
+        `Operation` of every result.
+    left, right : array of int, (n,)
+        Slots that it takes; `right` has no meaning for operations of one.
+    constants : array, (n,)
+        c.
+    outputs : array of int, (m,)
+        Slot of every output; −1 if it is the same number whatever the inputs are.
+    fixed : array, (m,)
+        These numbers; 0 for others.
+    """
+
+    inputs: int
+    codes: NDArray[np.int64]
+    left: NDArray[np.int64]
+    right: NDArray[np.int64]
+    constants: NDArray[np.float64]
+    outputs: NDArray[np.int64]
+    fixed: NDArray[np.float64]
+
+    def __call__(self, inputs: Sequence[Values], library: ModuleType = np) -> list[Values]:
+        """Run the tape on numbers, arrays or tensors; outputs that are fixed are numbers.
+
+        Parameters
+        ----------
+        inputs : sequence of values
+        library : module
+            NumPy, or PyTorch for tensors.
+        """
+        slots = self.slots(inputs, library)
+        places = zip(self.outputs.tolist(), self.fixed.tolist(), strict=True)
+        return [number if slot < 0 else slots[slot] for slot, number in places]
+
+    def slots(self, inputs: Sequence[Values], library: ModuleType = np) -> list[Values]:
+        """Values of the inputs and of all operations."""
+        found = list(inputs)
+        rows = (self.codes, self.left, self.right, self.constants)
+        for code, left, right, constant in zip(*(row.tolist() for row in rows), strict=True):
+            a = found[left]
+            if code == Operation.SUM:
+                found.append(a + found[right])
+            elif code == Operation.SCALE:
+                found.append(constant * a)
+            elif code == Operation.SHIFT:
+                found.append(a + constant)
+            elif code == Operation.PRODUCT:
+                found.append(a * found[right])
+            elif code == Operation.POWER:
+                found.append(1 / a if constant == -1 else a**constant)
+            elif code == Operation.EXP:
+                found.append(library.exp(a))
+            elif code == Operation.LN:
+                found.append(library.log(a))
+            elif code == Operation.POSITIVE:
+                found.append((a + abs(a)) / 2)
+            else:
+                found.append((1 + library.sign(a)) / 2)
+        return found
+
+    @classmethod
+    def of(cls, expressions: Sequence[sympy.Expr], inputs: Sequence[sympy.Symbol]) -> Tape:
+        """Make the tape of some expressions of the inputs."""
+        common, reduced = sympy.cse(list(expressions), symbols=sympy.numbered_symbols("t"))
+        writer = _Writer(inputs)
+        for symbol, expression in common:
+            writer.slots[symbol] = writer.slot(expression)
+        outputs, fixed = [], []
+        for expression in reduced:
+            constant = bool(expression.is_number)
+            outputs.append(-1 if constant else writer.slot(expression))
+            fixed.append(float(expression) if constant else 0.0)
+        rows = writer.rows
+        return cls(
+            len(inputs),
+            np.array([row[0] for row in rows], np.int64),
+            np.array([row[1] for row in rows], np.int64),
+            np.array([row[2] for row in rows], np.int64),
+            np.array([row[3] for row in rows], np.float64),
+            np.array(outputs, np.int64),
+            np.array(fixed),
+        )
+
+
+class _Writer:
+    """Writes expressions as rows: operation, slots, constant. Equal rows are written once."""
+
+    def __init__(self, inputs: Sequence[sympy.Symbol]) -> None:
+        self.slots: dict[sympy.Expr, int] = {symbol: i for i, symbol in enumerate(inputs)}
+        self.first, self.rows = len(inputs), list[tuple[int, int, int, float]]()
+        self._known: dict[tuple[int, int, int, float], int] = {}
+
+    def slot(self, expression: sympy.Expr) -> int:
+        """Slot of an expression that depends on the inputs."""
+        if expression not in self.slots:
+            self.slots[expression] = self._written(expression)
+        return self.slots[expression]
+
+    def _written(self, expression: sympy.Expr) -> int:
+        if isinstance(expression, sympy.Add | sympy.Mul):
+            is_sum = isinstance(expression, sympy.Add)
+            numbers = [float(a) for a in expression.args if a.is_number]
+            slots = [self.slot(a) for a in expression.args if not a.is_number]
+            found = slots[0]
+            for other in slots[1:]:
+                found = self._row(Operation.SUM if is_sum else Operation.PRODUCT, found, other)
+            if not numbers:
+                return found
+            if is_sum:
+                return self._row(Operation.SHIFT, found, constant=sum(numbers))
+            return self._row(Operation.SCALE, found, constant=float(np.prod(numbers)))
+        argument = self.slot(expression.args[0])
+        if isinstance(expression, sympy.Pow):
+            if not expression.exp.is_number:
+                raise ValueError(f"an exponent of the energy is no number: {expression}")
+            return self._power(argument, float(expression.exp))
+        codes = {
+            sympy.exp: Operation.EXP,
+            sympy.log: Operation.LN,
+            positive: Operation.POSITIVE,
+            step: Operation.STEP,
+        }
+        return self._row(codes[type(expression)], argument)
+
+    def _power(self, argument: int, exponent: float) -> int:
+        """A power, as the product of a whole one and one between −1 and 0, which others share."""
+        whole = math.ceil(exponent - WHOLE)
+        part = exponent - whole
+        found: int | None = None
+        if abs(part) > WHOLE:
+            found = self._row(Operation.POWER, argument, constant=part)
+        if whole < 0:
+            argument = self._row(Operation.POWER, argument, constant=-1.0)
+        for _ in range(abs(whole)):
+            found = argument if found is None else self._row(Operation.PRODUCT, found, argument)
+        assert found is not None  # SymPy knows powers of 0
+        return found
+
+    def _row(self, code: Operation, left: int, right: int = 0, constant: float = 0.0) -> int:
+        row = (int(code), left, right, constant)
+        if row not in self._known:
+            self._known[row] = self.first + len(self.rows)
+            self.rows.append(row)
+        return self._known[row]

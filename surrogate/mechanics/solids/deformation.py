@@ -1,0 +1,214 @@
+r"""Stress and moduli of a material at given deformation gradients, from the derivatives of its law.
+
+The measures of F (`surrogate.mechanics.energy.law`) have the derivatives
+
+.. math::
+    \frac{∂I_1}{∂F} = 2 F, \quad \frac{∂I_2}{∂F} = 2 \, \mathrm{cof} F × F, \quad
+    \frac{∂J}{∂F} = \mathrm{cof} F, \quad \frac{∂I_4}{∂F} = 2 F a ⊗ a, \quad
+    \frac{∂K_4}{∂F} = 2 F × (\mathrm{cof} F \, a ⊗ a)
+
+with the cross product of tensors (J. Bonet, A. J. Gil and R. Ortigosa, *A computational framework
+for polyconvex large strain elasticity*, CMAME 283, 2015), :math:`F × F = 2 \, \mathrm{cof} F`. With
+:math:`ψ_a` for derivatives of the energy by measures :math:`m_a`,
+
+.. math::
+    P = \sum_a ψ_a \frac{∂m_a}{∂F}, \qquad
+    \frac{∂P}{∂F} : H = \sum_{ab} ψ_{ab} \left(\frac{∂m_b}{∂F} : H\right) \frac{∂m_a}{∂F}
+    + \sum_a ψ_a \frac{∂^2 m_a}{∂F^2} : H.
+
+Tensors have their components first: F is (d, d, …), scalars are (…). In the plane, where
+:math:`F_{33} = 1`, :math:`F × H` stands for the derivative of the cofactors, :math:`(\mathrm{tr} H)
+I - H^T`, and there is no I₂. Where J ≤ 0, or a material has no energy, the energy is +∞.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from shared_schema.materials import Material
+from surrogate.mechanics.energy.law import DILATION, FIBRES, FIRST, SECOND, VOLUME, Law, law_of
+from surrogate.mechanics.energy.law import is_zero as is_none
+
+Values = Any  # a Tensor, or a number
+
+
+class Deformation:
+    """A deformation gradient, its cofactors and its measures.
+
+    Parameters
+    ----------
+    f : Tensor, (d, d, …)
+    dilation : Tensor, (…), optional
+        θ of the element.
+    fibres : Tensor, (families, d, …), optional
+        Unit directions; zero where there is none.
+
+    Attributes
+    ----------
+    j : Tensor, (…)
+        As it is, also where it is not positive.
+    measures : list of Tensor
+        Of `surrogate.mechanics.energy.law`, of some value where J is not positive.
+    """
+
+    def __init__(
+        self, f: Tensor, dilation: Tensor | None = None, fibres: Tensor | None = None
+    ) -> None:
+        self.f, self.cofactor = f, cofactors(f)
+        self.j = (f[0] * self.cofactor[0]).sum(0)
+        self.inside = (self.j > 0) & (self.j < torch.inf)
+        positive = torch.where(self.inside, self.j, torch.ones_like(self.j))
+        first = f.square().sum((0, 1)) + (3 - len(f))
+        second = self.cofactor.square().sum((0, 1)) if len(f) == 3 else first
+        self.measures = [first, second, positive, positive]
+        if dilation is not None:
+            known = (dilation > 0) & (dilation < torch.inf)
+            self.inside &= known
+            self.measures[DILATION] = torch.where(known, dilation, torch.ones_like(dilation))
+        self._fibres = [] if fibres is None else list(fibres)
+        self._stretched = [_times(f, a) for a in self._fibres]
+        self._areas = [_times(self.cofactor, a) for a in self._fibres]
+        for stretched, area in zip(self._stretched, self._areas, strict=True):
+            self.measures += [stretched.square().sum(0), area.square().sum(0)]
+
+    def energy(self, law: Law) -> Tensor:
+        """W in J/m³, +∞ where it has no value: (…)."""
+        w = law.energy(self.measures, torch)[0]
+        return torch.where(self.inside & torch.isfinite(w), w, torch.inf)
+
+    def stress(self, first: Sequence[Values]) -> Tensor:
+        """P of the derivatives ψ_a: (d, d, …)."""
+        zero = torch.zeros((), dtype=self.f.dtype, device=self.f.device)
+        total: Tensor = zero
+        for number, factor in enumerate(first):
+            if number != DILATION and not is_none(factor):
+                total = total + factor * self.derivative(number)
+        return total.expand_as(self.f) if total.ndim == 0 else total
+
+    def derivative(self, number: int) -> Tensor:
+        """∂m/∂F of a measure: (d, d, …)."""
+        if number == FIRST:
+            return 2 * self.f
+        if number == SECOND:
+            return 2 * cross(self.cofactor, self.f)
+        if number == VOLUME:
+            return self.cofactor
+        family, is_area = divmod(number - FIBRES, 2)
+        a = self._fibres[family]
+        if is_area:
+            return 2 * cross(self.f, _dyad(self._areas[family], a))
+        return 2 * _dyad(self._stretched[family], a)
+
+    def changes(self, h: Tensor, numbers: Sequence[int]) -> dict[int, Tensor]:
+        """∂m/∂F : H of some measures: (d, d, …) → (…) each."""
+        return {n: (self.derivative(n) * h).sum((0, 1)) for n in numbers if n != DILATION}
+
+    def turned(self, h: Tensor, first: Sequence[Values]) -> Tensor:
+        """Σ ψ_a ∂²m_a/∂F² : H of the derivatives ψ_a: (d, d, …) → same."""
+        total = torch.zeros_like(h + self.f)
+        for number, factor in enumerate(first):
+            if number == DILATION or is_none(factor):
+                continue
+            if number == FIRST:
+                part = 2 * h
+            elif number == SECOND:
+                part = 2 * (cross(cross(self.f, h), self.f) + cross(self.cofactor, h))
+            elif number == VOLUME:
+                part = cross(self.f, h)
+            else:
+                family, is_area = divmod(number - FIBRES, 2)
+                a = self._fibres[family]
+                if is_area:
+                    change = _times(cross(self.f, h), a)
+                    part = 2 * cross(h, _dyad(self._areas[family], a))
+                    part = part + 2 * cross(self.f, _dyad(change, a))
+                else:
+                    part = 2 * _dyad(_times(h, a), a)
+            total = total + factor * part
+        return total
+
+
+def moduli_of(state: Deformation, law: Law, outputs: Sequence[Values]) -> Tensor:
+    """∂P/∂F at fixed θ, of the outputs of `law.energy`: (d, d, d, d, …) in Pa."""
+    d, points = len(state.f), state.f.shape[2:]
+    second = {k: v for k, v in law.second(outputs).items() if DILATION not in k}
+    unit = torch.eye(d * d, dtype=state.f.dtype, device=state.f.device)
+    columns = []
+    for row in unit.reshape(d * d, d, d, *(1 for _ in points)):
+        columns.append(state.turned(row, outputs[1 : 1 + law.count]))
+    k = torch.stack(columns, 2).reshape(d, d, d, d, *points)
+    derivatives = {n: state.derivative(n) for pair in second for n in pair}
+    for (a, b), factor in second.items():
+        p, q = derivatives[a], derivatives[b]
+        k = k + factor * p[:, :, None, None] * q
+        if a != b:
+            k = k + factor * q[:, :, None, None] * p
+    return k
+
+
+def energy_density(f: Tensor, material: Material) -> Tensor:
+    """W(F) in J/m³, +∞ where J ≤ 0 or W has no value: (d, d, …) → (…)."""
+    return Deformation(f).energy(law_of(material, len(f)))
+
+
+def stress(f: Tensor, material: Material) -> Tensor:
+    """First Piola–Kirchhoff stress P in Pa: (d, d, …) → (d, d, …)."""
+    state, law = Deformation(f), law_of(material, len(f))
+    return state.stress(law.stress(state.measures, torch))
+
+
+def moduli(f: Tensor, material: Material) -> Tensor:
+    """∂P/∂F in Pa: (d, d, …) → (d, d, d, d, …)."""
+    state, law = Deformation(f), law_of(material, len(f))
+    return moduli_of(state, law, law.energy(state.measures, torch))
+
+
+def completed(f: Tensor) -> Tensor:
+    """F in three dimensions: plane strain is completed by F₃₃ = 1, (d, d, …) → (3, 3, …)."""
+    if len(f) == 3:
+        return f
+    full = f.new_zeros((3, 3, *f.shape[2:]))
+    full[:2, :2], full[2, 2] = f, 1.0
+    return full
+
+
+def determinant(f: Tensor) -> Tensor:
+    """J = det F: (d, d, …) → (…)."""
+    if len(f) == 2:
+        return f[0, 0] * f[1, 1] - f[0, 1] * f[1, 0]
+    return (f[0] * torch.linalg.cross(f[1], f[2], dim=0)).sum(0)
+
+
+def cofactors(f: Tensor) -> Tensor:
+    """∂J/∂F: (d, d, …) → same."""
+    return cross(f, f) / 2 if len(f) == 3 else cross(f, f)
+
+
+def cross(a: Tensor, b: Tensor) -> Tensor:
+    """A × B, in the plane (tr B) I - Bᵀ: (d, d, …) twice → same."""
+    if len(b) == 2:
+        rows = torch.stack([b[1, 1], -b[1, 0]]), torch.stack([-b[0, 1], b[0, 0]])
+        return torch.stack(rows).expand(torch.broadcast_shapes(a.shape, b.shape))
+    rows = []
+    for i in range(3):
+        k, n = (i + 1) % 3, (i + 2) % 3
+        rows.append(_cross(a[k], b[n]) + _cross(b[k], a[n]))
+    return torch.stack(rows)
+
+
+def _cross(a: Tensor, b: Tensor) -> Tensor:
+    return torch.linalg.cross(*torch.broadcast_tensors(a, b), dim=0)
+
+
+def _times(f: Tensor, a: Tensor) -> Tensor:
+    """F a: (d, d, …), (d, …) → (d, …)."""
+    return (f * a).sum(1)
+
+
+def _dyad(a: Tensor, b: Tensor) -> Tensor:
+    """A ⊗ b: (d, …) twice → (d, d, …)."""
+    return a[:, None] * b

@@ -1,0 +1,291 @@
+r"""Power series of the stress of any material on a path of deformations, term by term.
+
+.. math::
+    F = I + \sum_k s^k H_k, \quad \mathrm{cof} F = \sum_k s^k C_k, \quad
+    J = \sum_k s^k J_k, \quad P = \sum_k s^k P_k
+
+With the cross product of tensors (`surrogate.mechanics.solids.deformation`) and :math:`H_0 = I`,
+
+.. math::
+    C_k = \tfrac12 \sum_{j=0}^k H_j × H_{k-j}, \qquad
+    k J_k = \sum_{j=1}^k j \, C_{k-j} : H_j.
+
+Sums of such products give the other measures of the deformation, and the tape of the energy's law
+(`surrogate.mechanics.energy.tape`) its derivatives :math:`ψ_a`: every coefficient follows from those
+before it, whatever the energy is. All depend on :math:`H_k` linearly, by their derivatives at rest.
+So the part of :math:`P_k` that follows from the terms before is that with :math:`H_k = 0`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+
+from surrogate.mechanics.energy.law import DILATION, FIBRES, FIRST, SECOND, VOLUME, Law
+from surrogate.mechanics.energy.tape import Operation
+from surrogate.mechanics.solids.deformation import cross
+
+Coefficient = Tensor | None  # None is zero
+
+
+class SeriesOfLaw:
+    """Terms of the stress in Pa at points of one material: tensors (d, d, …), scalars (…).
+
+    Parameters
+    ----------
+    law : Law
+    dimension : int
+        d.
+    """
+
+    def __init__(self, law: Law, dimension: int) -> None:
+        self.law, self.d = law, dimension
+        tape = law.stress
+        self.rest = [float(value) for value in tape.slots(law.at_rest)]
+        self.slopes = slopes_at_rest(law)
+        self.used = used_measures(law)
+        self.h: list[Tensor] = []  # H₁, H₂, …
+        self.c: list[Tensor] = []
+        self.x: list[Tensor] = []  # of cof F × F
+        self.pressure: list[Coefficient] = []
+        self.slots: list[list[Coefficient]] = []  # of every order, from 1 on
+
+    def begin(self, like: Tensor) -> Tensor:
+        """Set the measures of the next order as if H were zero, and return J: (…).
+
+        Parameters
+        ----------
+        like : Tensor, (d, d, …)
+            Of the shape of H.
+        """
+        k, zero = len(self.h) + 1, torch.zeros_like(like)
+        c = zero
+        if self.d == 3:
+            for j in range(1, k // 2 + 1):
+                part = cross(self.h[j - 1], self.h[k - j - 1])
+                c = c + (part / 2 if 2 * j == k else part)
+        volume = zero[0, 0]
+        for j in range(1, k):
+            volume = volume + (j / k) * contraction(self.h[j - 1], self.c[k - j - 1])
+        measures: list[Coefficient] = [None] * self.law.count
+        measures[VOLUME] = volume
+        if FIRST in self.used:
+            measures[FIRST] = convolution(self.h, self.h, k)
+        if SECOND in self.used:
+            measures[SECOND] = 2 * trace(c) + convolution(self.c, self.c, k)
+            x = trace_minus(c)
+            for j in range(1, k):
+                x = x + cross(self.c[j - 1], self.h[k - j - 1])
+            self.x.append(x)
+        self.c.append(c)
+        self.h.append(zero)
+        self.slots.append(measures)
+        return volume
+
+    def scalars(self, dilation: Coefficient) -> Coefficient:
+        """Run the tape for the next order, with θ; return ∂ψ/∂θ."""
+        k, slots = len(self.h), self.slots
+        slots[-1][DILATION] = dilation
+        tape = self.law.stress
+        rows = (tape.codes, tape.left, tape.right, tape.constants)
+        for code, left, right, constant in zip(*(row.tolist() for row in rows), strict=True):
+            slots[-1].append(self._coefficient(k, code, left, right, constant))
+        return self._output(DILATION, k)
+
+    def stress(self, pressure: Coefficient) -> Tensor:
+        """P of the next order without H, with the pressure of this order."""
+        k = len(self.h)
+        self.pressure.append(pressure)
+        total = torch.zeros_like(self.h[-1])
+        first, second, volume = (self._series(a, k) for a in (FIRST, SECOND, VOLUME))
+        unit = sum_of(times(2, first[k]), times(4, second[k]), volume[k])
+        if unit is not None:
+            total = add_multiple(total, unit)
+        for j in range(1, k + 1):
+            total = add_product(total, first[k - j], self.h[j - 1], 2)
+            total = add_product(total, volume[k - j], self.c[j - 1])
+            if self.x:
+                total = add_product(total, second[k - j], self.x[j - 1], 2)
+        return total
+
+    def complete(self, h: Tensor, dilation: Coefficient) -> None:
+        """Set H of the order that was begun, and what θ gains by it."""
+        of_h = trace(h)
+        self.h[-1] = h
+        self.c[-1] = self.c[-1] + trace_minus(h)
+        if self.x:  # cof(H) × I + I × H
+            self.x[-1] = self.x[-1] + trace_minus(trace_minus(h)) + trace_minus(h)
+        gains: list[Coefficient] = [2 * of_h, 4 * of_h, of_h, dilation]
+        gains += [None] * (self.law.count - FIBRES)
+        slots = self.slots[-1]
+        for number, slopes in enumerate(self.slopes):
+            for slope, gain in zip(slopes, gains, strict=True):
+                if slope and gain is not None:
+                    slots[number] = sum_of(slots[number], slope * gain)
+
+    def pressure_gain(self, dilation: Tensor, of_h: Tensor) -> Coefficient:
+        """What ∂ψ/∂θ gains by H, with what θ gains."""
+        slot = int(self.law.stress.outputs[DILATION])
+        if slot < 0:
+            return None
+        slopes = self.slopes[slot]
+        return (2 * slopes[FIRST] + 4 * slopes[SECOND] + slopes[VOLUME]) * of_h + slopes[
+            DILATION
+        ] * dilation
+
+    def _series(self, measure: int, k: int) -> list[Coefficient | float]:
+        """ψ_a of the orders 0 to k, with the pressure in that by J."""
+        found: list[Coefficient | float] = [self._at_rest(measure)]
+        found += [self._output(measure, order) for order in range(1, k + 1)]
+        if measure == VOLUME and self.pressure:
+            found[0] = found[0] + self._at_rest(DILATION)  # type: ignore[operator]
+            for order, pressure in enumerate(self.pressure, 1):
+                found[order] = sum_of(found[order], pressure)  # type: ignore[arg-type]
+        return found
+
+    def _at_rest(self, measure: int) -> float:
+        slot = int(self.law.stress.outputs[measure])
+        return float(self.law.stress.fixed[measure]) if slot < 0 else self.rest[slot]
+
+    def _output(self, measure: int, order: int) -> Coefficient:
+        slot = int(self.law.stress.outputs[measure])
+        return None if slot < 0 else self.slots[order - 1][slot]
+
+    def _coefficient(
+        self, k: int, code: int, left: int, right: int, constant: float
+    ) -> Coefficient:
+        """The k-th coefficient of a result: `surrogate.mechanics.energy.tape`."""
+        a = [each[left] for each in self.slots[:k]]
+        if code == Operation.SUM:
+            return sum_of(a[-1], self.slots[k - 1][right])
+        if code == Operation.SCALE:
+            return times(constant, a[-1])
+        if code == Operation.SHIFT:
+            return a[-1]
+        if code == Operation.PRODUCT:
+            b = [each[right] for each in self.slots[:k]]
+            total = sum_of(times(self.rest[right], a[-1]), times(self.rest[left], b[-1]))
+            for j in range(1, k):
+                total = sum_of(total, product(a[j - 1], b[k - j - 1]))
+            return total
+        place = len(self.slots[k - 1])  # of the result
+        y = [each[place] for each in self.slots[: k - 1]]
+        first, value = self.rest[left], self.rest[place]
+        if code == Operation.POWER:
+            total = times(constant * value / first, a[-1])
+            for j in range(1, k):
+                factor = (constant * j - k + j) / (k * first)
+                total = sum_of(total, times(factor, product(a[j - 1], y[k - j - 1])))
+            return total
+        if code == Operation.EXP:
+            total = times(value, a[-1])
+            for j in range(1, k):
+                total = sum_of(total, times(j / k, product(a[j - 1], y[k - j - 1])))
+            return total
+        if code == Operation.LN:
+            total = times(1 / first, a[-1])
+            for j in range(1, k):
+                factor = -j / (k * first)
+                total = sum_of(total, times(factor, product(y[j - 1], a[k - j - 1])))
+            return total
+        if code == Operation.POSITIVE:
+            return times((first > 0) + 0.5 * (first == 0), a[-1])
+        return None
+
+
+def slopes_at_rest(law: Law) -> list[list[float]]:
+    """Derivatives of all slots of the stress tape by the measures, at rest."""
+    tape, count = law.stress, law.count
+    rest = tape.slots(law.at_rest)
+    found = [[float(a == b) for b in range(count)] for a in range(count)]
+    rows = (tape.codes, tape.left, tape.right, tape.constants)
+    for code, left, right, constant in zip(*(row.tolist() for row in rows), strict=True):
+        a, value = rest[left], rest[len(found)]
+        of_left, of_right = 0.0, 0.0
+        if code == Operation.SUM:
+            of_left = of_right = 1.0
+        elif code == Operation.SCALE:
+            of_left = constant
+        elif code == Operation.SHIFT:
+            of_left = 1.0
+        elif code == Operation.PRODUCT:
+            of_left, of_right = rest[right], a
+        elif code == Operation.POWER:
+            of_left = constant * value / a
+        elif code == Operation.EXP:
+            of_left = value
+        elif code == Operation.LN:
+            of_left = 1 / a
+        elif code == Operation.POSITIVE:
+            of_left = (a > 0) + 0.5 * (a == 0)
+        found.append(
+            [of_left * x + of_right * y for x, y in zip(found[left], found[right], strict=True)]
+        )
+    return found
+
+
+def used_measures(law: Law) -> set[int]:
+    """Measures that a derivative of the energy depends on, or is one by."""
+    tape = law.stress
+    used = set(tape.left.tolist()) | set(tape.right.tolist()) | set(tape.outputs.tolist())
+    used |= {a for a in range(law.count) if tape.outputs[a] >= 0 or tape.fixed[a]} - {FIRST}
+    return {a for a in used if 0 <= a < law.count}
+
+
+def contraction(a: Tensor, b: Tensor) -> Tensor:
+    """A : B, (d, d, …) twice → (…)."""
+    return (a * b).sum((0, 1))
+
+
+def trace(a: Tensor) -> Tensor:
+    """Tr A: (d, d, …) → (…)."""
+    total = a[0, 0] + a[1, 1]
+    return total if len(a) == 2 else total + a[2, 2]
+
+
+def trace_minus(a: Tensor) -> Tensor:
+    """(tr A) I - Aᵀ, that is I × A: (d, d, …) → same."""
+    return add_multiple(-a.transpose(0, 1), trace(a))
+
+
+def add_multiple(a: Tensor, factor: Tensor) -> Tensor:
+    """A + x I: (d, d, …), (…) → (d, d, …)."""
+    found = a.clone()
+    for i in range(len(a)):
+        found[i, i] += factor
+    return found
+
+
+def convolution(a: Sequence[Tensor], b: Sequence[Tensor], k: int) -> Tensor:
+    """Σ A_j : B_{k-j}, 1 ≤ j < k, of lists that begin with the order 1."""
+    return sum(
+        (contraction(a[j - 1], b[k - j - 1]) for j in range(1, k)),
+        start=torch.zeros_like(a[0][0, 0]) if a else torch.zeros(()),
+    )
+
+
+def sum_of(*parts: Coefficient) -> Coefficient:
+    """Sum of coefficients of which some are zero."""
+    given = [part for part in parts if part is not None]
+    return sum(given[1:], start=given[0]) if given else None
+
+
+def times(factor: float, a: Coefficient) -> Coefficient:
+    """A multiple."""
+    return None if a is None or factor == 0 else factor * a
+
+
+def product(a: Coefficient, b: Coefficient) -> Coefficient:
+    """A product."""
+    return None if a is None or b is None else a * b
+
+
+def add_product(
+    total: Tensor, factor: Coefficient | float, a: Tensor, times_: float = 1.0
+) -> Tensor:
+    """Total + x A of a factor that may be a number or none."""
+    if factor is None or (isinstance(factor, float) and factor == 0):
+        return total
+    return total + (times_ * factor) * a
