@@ -8,7 +8,7 @@ On the path :math:`u(t) = t h + w(t)` of growing stretch, with w = 0 on the oute
     K w_3 = -f''[u_1, w_2] - \tfrac{1}{6} f'''[u_1, u_1, u_1]
 
 with the derivatives K, f'' and f''' of the internal forces at rest (as
-`surrogate.series.third_order` has them under nodal forces). Of all :math:`h + \sum_k c_k w_k` at
+`surrogate.series.body_series` has them under nodal forces). Of all :math:`h + \sum_k c_k w_k` at
 t = 1 the state is that of the least strain energy; steps of Newton's method correct it.
 """
 

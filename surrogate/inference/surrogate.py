@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Sequence
 from contextlib import closing
 from functools import cached_property
@@ -156,13 +157,19 @@ class Surrogate(TrainedNetwork):
             given.forces += np.where(self.geometry.held, 0.0, contact.force)
         force = given.at_rest
         passes = PASSES if passes is None else passes
-        network = self.averaged_passes(force, passes, seed or 0)
+        dead, pressure = given.load, following(given)
+        last_term = math.inf
+        if self.is_response_alone:
+            found, last = self.responses(dead, pressure, force)
+            network = Distribution(found, np.zeros_like(found), np.zeros_like(found))
+            last_term = float(last[0])
+        else:
+            network = self.averaged_passes(force, passes, seed or 0)
         weighs = body_force is not None
         self.training_range.log(force, weighs)
         interval = None
         if intervals is not None and conformal is not None:
             interval = intervals.bounds(conformal, network.mean, self.score_scale(network))
-        dead, pressure = given.load, following(given)
         displacement, correction, descent = network.mean, None, None
         sought = contact if frame is None else frame
         if sought is not None and sought.correction is not None:
@@ -175,7 +182,7 @@ class Surrogate(TrainedNetwork):
             from surrogate.descent.aim import Aim
 
             aim = Aim(tolerance, budget, in_metres=certify is not None)
-            displacement, descent = self.descend(dead, pressure, network.mean, aim)
+            displacement, descent = self.descend(dead, pressure, network.mean, aim, last_term)
         is_own = np.array_equal(displacement, network.mean)
         is_own = is_own or (descent is not None and descent.kept)
         what = f"the largest {'predicted' if correction is None else 'corrected'} displacement"

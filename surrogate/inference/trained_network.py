@@ -19,8 +19,10 @@ from surrogate.data.load_range import PressedNodes, known_families
 from surrogate.device import Precision
 from surrogate.inference.batched_prediction import BatchedPrediction
 from surrogate.inference.body import TrainedBody
-from surrogate.inference.given_load import checked_forces, checked_loads, without_pressure
+from surrogate.inference.given_load import checked_loads, separated, without_pressure
 from surrogate.inference.training_range import TrainingRange
+from surrogate.mechanics.follower_pressure import FollowerPressure
+from surrogate.models.series_model import SeriesModel
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.held_nodes import HeldNodes
 from surrogate.networks.no_network import NoNetwork
@@ -29,6 +31,8 @@ from surrogate.networks.unet import parameter_count
 from surrogate.probabilistic.distribution import Distribution
 from surrogate.probabilistic.stochastic_passes import PASSES, Passes, require_passes
 from surrogate.runs.description import RunDescription
+from surrogate.series.body_series import BodySeries
+from surrogate.series.series_response import SeriesResponse
 from surrogate.time_limit import require_time
 
 if TYPE_CHECKING:
@@ -206,6 +210,9 @@ class TrainedNetwork(TrainedBody):
         if aim is not None:
             driven = self._driven(loads, aim, pressure)
             return driven if wanted is None else driven[..., wanted, :]
+        if self._body_series is not None:
+            mean, _ = self.responses(*self._told_apart(loads, pressure), nodal)
+            return mean if wanted is None else mean[..., wanted, :]
         return self._mean(nodal) if wanted is None else self._mean_at(nodal, wanted)
 
     def _predicted_tensor(
@@ -229,6 +236,8 @@ class TrainedNetwork(TrainedBody):
 
     def _mean(self, nodal: Array) -> Array:
         """Predict without warnings."""
+        if self._body_series is not None:
+            return self.responses(*self._told_apart(nodal, None), nodal)[0]
         return self.mean_and_last_term(nodal)[0]
 
     def _mean_at(self, nodal: Array, nodes: NDArray[np.int64]) -> Array:
@@ -268,13 +277,65 @@ class TrainedNetwork(TrainedBody):
             mean = self._averaged(nodal, PASSES, 0).mean
         return mean.reshape(nodal.shape), last
 
+    @cached_property
+    def _body_series(self) -> BodySeries | None:
+        """The load series of bodies of other materials, elements and loads than `SeriesResponse`.
+
+        None if that has the body's, a network adds to the response, or the run's is the linear one.
+        """
+        run, linear = self.description.run, self.network.linear
+        if not isinstance(run, SeriesModel) or run.series_order == 1:
+            return None
+        one_of_its = isinstance(linear, SeriesResponse) and not self.geometry.has_points_between
+        if one_of_its and self.geometry.pressed is None:
+            return None
+        try:
+            return BodySeries(self.equilibrium, run.series_order)
+        except InputError:  # elements or a material that are not known here
+            return None
+
+    def responses(
+        self, dead: Array, pressure: FollowerPressure | None, nodal: Array
+    ) -> tuple[Array, Array]:
+        """Predict, and tell what the last term of the load series adds, under given loads.
+
+        Parameters
+        ----------
+        dead : array, (n_nodes or n_points, d) or with N before
+            Dead loads in N.
+        pressure : FollowerPressure or None
+            Pressures of the load cases that follow the surface.
+        nodal : array, (n_nodes, d) or (N, n_nodes, d)
+            Nodal forces in N, with those of pressures on the undeformed body.
+
+        Returns
+        -------
+        tuple of array
+            As of `mean_and_last_term`.
+        """
+        series = self._body_series
+        if series is None:
+            return self.mean_and_last_term(nodal)
+        forces = self.equilibrium.forces_at_points(dead.reshape(-1, *dead.shape[-2:]))
+        found, last = series(forces, pressure)
+        return found[:, : nodal.shape[-2]].reshape(nodal.shape), last
+
+    def _told_apart(
+        self, loads: Array, pressure: ArrayLike | None
+    ) -> tuple[Array, FollowerPressure | None]:
+        """Dead loads, and pressures that are given or, if they can be, told from the loads."""
+        if pressure is not None or not self.geometry.surfaces:
+            return without_pressure(self.geometry, loads, pressure)
+        dead, follows = separated(self.geometry, loads.reshape(-1, *loads.shape[-2:]))
+        return dead.reshape(loads.shape), follows
+
     def _driven(self, loads: Array, aim: Aim, pressure: ArrayLike | None) -> Array:
         """Predict, and drive load by load towards the equilibrium."""
         from surrogate.descent.aim import UnreachedToleranceWarning
 
         dead, follows = without_pressure(self.geometry, loads, pressure)
         nodal, driven, missed = loads[..., : len(self.geometry.coordinates), :], [], []
-        mean, last = self.mean_and_last_term(nodal)
+        mean, last = self.responses(dead, follows, nodal)
         each = (fields.reshape(-1, *fields.shape[-2:]) for fields in (dead, mean))
         for number, (force, predicted, remainder) in enumerate(zip(*each, last, strict=True)):
             one = None if follows is None else follows[slice(number, number + 1)]
@@ -296,6 +357,11 @@ class TrainedNetwork(TrainedBody):
         from surrogate.one_load.response_alone import ResponseAlone
 
         return ResponseAlone(self.nodal_network)
+
+    @property
+    def is_response_alone(self) -> bool:
+        """Whether the prediction is the response of the body, to which no network adds."""
+        return self._body_series is not None or self._response_alone is not None
 
     @cached_property
     def _one_load(self) -> OneLoad | None:
@@ -342,10 +408,14 @@ class TrainedNetwork(TrainedBody):
     ) -> Distribution:
         """Do what `predict_distribution` does, of any network: σ is 0 if it predicts none."""
         require_passes(passes, seed)
-        return self._averaged(checked_forces(self.geometry, forces), passes, seed)
+        return self._averaged(checked_loads(self.geometry, forces), passes, seed)
 
-    def _averaged(self, nodal: Array, passes: int, seed: int) -> Distribution:
+    def _averaged(self, loads: Array, passes: int, seed: int) -> Distribution:
+        nodal = loads[..., : len(self.geometry.coordinates), :]
         samples = nodal.reshape(-1, *self.geometry.coordinates.shape)
+        if self._body_series is not None:
+            mean, _ = self.responses(*self._told_apart(loads, None), nodal)
+            return Distribution(mean, np.zeros_like(mean), np.zeros_like(mean))
         return self._batched.distribution(samples, passes, seed).reshaped(nodal.shape)
 
     def prepare(self, nodes: str | ArrayLike = SURFACE) -> None:

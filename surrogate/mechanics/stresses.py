@@ -11,8 +11,8 @@ from shared_schema.common.bodies.reference_cells import CORNERS
 from shared_schema.common.bodies.stress_fields import stress_fields
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.energy.law import law_of
-from surrogate.mechanics.solids.elements import gradients_at
 from surrogate.mechanics.solids.deformation import completed, determinant
+from surrogate.mechanics.solids.elements import gradients_at
 from surrogate.mechanics.solids.mean_dilation import MeanDilationSolid
 from surrogate.mechanics.solids.solid import Points, Solid, density_at, stress_at
 from surrogate.mechanics.solids.taylor_hood import TaylorHoodSolid

@@ -21,7 +21,7 @@ from surrogate.networks.reduced_network import (
 )
 from surrogate.probabilistic.likelihoods import output_channels
 from surrogate.seeds import INITIAL_WEIGHTS, stream
-from surrogate.series.third_order import series_on_grid
+from surrogate.series.terms_on_grid import series_on_grid
 
 if TYPE_CHECKING:
     from surrogate.data.dataset import Dataset

@@ -1,7 +1,7 @@
 """The response of the body as a model: it follows from mesh, supports and material, without data.
 
-For a Neo-Hookean body it is the load series with the least potential energy
-(`surrogate.series`), for others the linear response.
+It is the load series (`surrogate.series`). On the grid and in exported files, bodies of other
+materials and elements than `SeriesResponse` has their linear response.
 """
 
 from __future__ import annotations

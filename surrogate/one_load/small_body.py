@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from torch import Tensor
 
+from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.weighted_sums import padded_rows
 from surrogate.networks.nodal_network import NodalNetwork
 from surrogate.series.load_threads import in_threads
 from surrogate.series.series_response import SeriesResponse
-from surrogate.series.stress_series import Factors
 
 MOST = 2**22  # values of a matrix: 16 MB
 AT_ONCE = 256  # unit forces at once
@@ -123,10 +123,12 @@ class SmallSeries:
     """
 
     def __init__(self, response: SeriesResponse, dimension: int) -> None:
-        from surrogate.series import compiled_series  # Numba: half a second
+        from surrogate.series import compiled_series, compiled_terms  # Numba: half a second
 
-        d, size, higher = dimension, dimension * response.nodes, response.higher
-        self.order, self.factors = response.order, Factors.of(higher.material)
+        d, size = dimension, dimension * response.nodes
+        assert isinstance(response.compliance, Compliance)
+        solid = response.compliance.equilibrium.solid
+        self.order = response.order
         with torch.inference_mode():
             units = torch.eye(size).reshape(size, response.nodes, d).transpose(1, 2)
             gradients = np.zeros((size, 0))  # nothing needs them
@@ -135,10 +137,10 @@ class SmallSeries:
                 gradients = _rows(on_grid.flatten(2).transpose(1, 2))
             self.operators = compiled_series.SmallOperators(
                 response=_rows(response.respond(units.double()).transpose(1, 2)),
-                cells=compiled_series.cells_of(higher),
+                body=compiled_series.SeriesBody.of(solid, np.float64),
                 on_grid=_by_column(gradients.T),
             )
-        self.find, self.room = compiled_series.small_series, compiled_series.room_for_terms
+        self.find, self.room = compiled_series.small_series, compiled_terms.room_for_terms
 
     @staticmethod
     def fits(response: SeriesResponse) -> bool:
@@ -156,8 +158,8 @@ class SmallSeries:
         gradients = np.empty((len(forces), self.operators.on_grid[1].shape[1]))
 
         def find(some: slice) -> None:
-            terms = self.room(1, self.order, self.operators.cells)
-            found = self.find(forces[some], self.operators, self.factors, terms)
+            terms = self.room(1, self.order, self.operators.body.cells, self.operators.body.laws)
+            found = self.find(forces[some], self.operators, terms)
             u[some], gradients[some], lengths[some] = found
 
         in_threads(find, len(forces), OF_A_THREAD)

@@ -6,11 +6,11 @@ Under s times a load, dead forces f and pressures that follow the surface,
     u(s) = \sum_k s^k u_k, \qquad K u_1 = f + f_{p,1}, \qquad
     K u_k = f_{p,k} - \sum_q w_q \, \hat P_{k,q} G_a
 
-with the stiffness K of the undeformed body, the part P̂ₖ of the k-th term of the stress that follows
-from those before (`surrogate.series.measured_series`), and the terms of the pressures' forces, which
-are polynomials of the displacement. What the terms span is much better than their sum: it is the
-reduced basis of A. K. Noor and J. M. Peters (*Reduced basis technique for nonlinear analysis of
-structures*, AIAA Journal 18, 1980). The combination is that of Galerkin,
+with the stiffness K of the undeformed body, the part P̂ₖ of the k-th term of the stress that
+follows from those before (`surrogate.series.measured_series`), and the terms of the pressures'
+forces, which are polynomials of the displacement. What the terms span is much better than their
+sum: it is the reduced basis of A. K. Noor and J. M. Peters (*Reduced basis technique for nonlinear
+analysis of structures*, AIAA Journal 18, 1980). The combination is that of Galerkin,
 
 .. math:: u = \sum_{k=1}^n c_k u_k, \qquad g_k(c) = u_k · r(u) = 0,
 
@@ -20,6 +20,9 @@ with the out-of-balance forces r, which is that of least potential energy where 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from importlib.util import find_spec
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -32,7 +35,11 @@ from surrogate.mechanics.solids.changes import stress_changes
 from surrogate.mechanics.solids.solid import Solid
 from surrogate.series.measured_series import SeriesOfLaw, sum_of, trace
 
+if TYPE_CHECKING:
+    from surrogate.series.compiled_series import CompiledSeries
+
 Array = NDArray[np.float64]
+COMPILES = find_spec("numba") is not None  # a machine that only trains may do without it
 STEPS = 30  # of the search for the weights, at most
 SMALL_STEP, SMALLEST_STEP = 3e-3, 1e-10  # relative to the last term, and to the first one
 SHORTENINGS = 10
@@ -71,6 +78,17 @@ class BodySeries:
     def __init__(self, equilibrium: Equilibrium, order: int) -> None:
         self.equilibrium, self.order = equilibrium, order
 
+    @cached_property
+    def _compiled(self) -> CompiledSeries | None:
+        """The series of bodies under dead loads alone, where compiled code knows them."""
+        solid = self.equilibrium.solid
+        fibres = any(material.family_count for material in solid.materials)
+        if solid.projects or fibres or not COMPILES:
+            return None
+        from surrogate.series.compiled_series import CompiledSeries  # Numba: half a second
+
+        return CompiledSeries(solid, np.float64, self.equilibrium.linear_response, self.order)
+
     def __call__(
         self, forces: Array, pressure: FollowerPressure | None = None
     ) -> tuple[Array, Array]:
@@ -90,6 +108,10 @@ class BodySeries:
         last : array, (N,)
             Largest displacement of a point in the last term in m.
         """
+        if self._compiled is not None and (pressure is None or not pressure.pressures.any()):
+            first = self.equilibrium.linear_response(forces)
+            beyond, term = self._compiled(first)
+            return first + beyond, np.linalg.norm(term, axis=2).max(axis=1)
         terms = self.terms(forces, pressure)
         weights = Weights(self.equilibrium, terms, forces, pressure).found()
         displacement = np.einsum("nk,knai->nai", weights, terms.u)
@@ -214,7 +236,10 @@ class PressureSeries:
             if 2 * i == k:
                 total = total + pressure.forces(at_rest + a)
             else:
-                total = total + (pressure.forces(at_rest + a + b) - pressure.forces(at_rest + a - b)) / 2
+                total = (
+                    total
+                    + (pressure.forces(at_rest + a + b) - pressure.forces(at_rest + a - b)) / 2
+                )
         return total
 
 

@@ -31,16 +31,26 @@ class Cells(NamedTuple):
         Of the quadrature points, in rows.
     unit : float
         Of the volumes, in m³ (m² in the plane).
+    laws : array of int, (n_blocks,)
+        Number of the material of the cells of every block.
     """
 
     nodes: NDArray[np.int64]
     gradients: Array
     volumes: Array
     unit: float
+    laws: NDArray[np.int64]
 
     @classmethod
-    def of(cls, cells: NDArray[np.int64], gradients: Array, volumes: Array, unit: float) -> Cells:
-        """Arrange cells.
+    def of(
+        cls,
+        cells: NDArray[np.int64],
+        gradients: Array,
+        volumes: Array,
+        unit: float,
+        materials: NDArray[np.int64] | None = None,
+    ) -> Cells:
+        """Arrange cells; those of a block are of one material.
 
         Parameters
         ----------
@@ -49,24 +59,50 @@ class Cells(NamedTuple):
         volumes : array, (n_cells, n_points)
         unit : float
             Of the volumes.
+        materials : array of int, (n_cells,), optional
+            Number of every cell's material; 0 by default.
         """
         count, corners, points, d = gradients.shape
+        numbers = np.zeros(count, np.int64) if materials is None else materials
         if count * points <= ROW:  # of a small body, every point is a cell
             gradients = gradients.swapaxes(1, 2).reshape(-1, corners, 1, d)
             cells, volumes = cells.repeat(points, axis=0), volumes.reshape(-1, 1)
-            count, points = len(cells), 1
-        blocks = -(-count // ROW)
-        row = -(-count // (blocks * ALIGNED)) * ALIGNED
-        padded = corners + -corners % CORNERS
-        nodes = np.zeros((blocks * row, padded), np.int64)
-        nodes[:count, :corners] = cells
-        slopes = np.zeros((blocks * row, points, padded, d), gradients.dtype)
-        slopes[:count, :, :corners] = gradients.swapaxes(1, 2)
-        weights = np.zeros((blocks * row, points), volumes.dtype)
-        weights[:count] = volumes
-        shape = blocks, row
-        rows = _by_row(weights, shape).reshape(blocks * points, row)
-        return cls(_by_row(nodes, shape), _by_row(slopes, shape), rows, unit)
+            numbers = numbers.repeat(points)
+        kinds = np.unique(numbers)
+        parts = [
+            _blocks(cells[some], gradients[some], volumes[some])
+            for some in (numbers == kind for kind in kinds)
+        ]
+        row = max(part[0].shape[-1] for part in parts)
+        nodes, slopes, weights = (
+            np.concatenate([_wider(part[field], row) for part in parts]) for field in range(3)
+        )
+        laws = np.concatenate(
+            [np.full(len(part[0]), kind) for part, kind in zip(parts, kinds, strict=True)]
+        )
+        return cls(nodes, slopes, weights, unit, laws)
+
+
+def _blocks(cells: NDArray[np.int64], gradients: Array, volumes: Array) -> tuple[Array, ...]:
+    """Nodes, gradients and volumes of the cells of one material, in blocks."""
+    count, corners, points, d = gradients.shape
+    blocks = -(-count // ROW)
+    row = -(-count // (blocks * ALIGNED)) * ALIGNED
+    padded = corners + -corners % CORNERS
+    nodes = np.zeros((blocks * row, padded), np.int64)
+    nodes[:count, :corners] = cells
+    slopes = np.zeros((blocks * row, points, padded, d), gradients.dtype)
+    slopes[:count, :, :corners] = gradients.swapaxes(1, 2)
+    weights = np.zeros((blocks * row, points), volumes.dtype)
+    weights[:count] = volumes
+    shape = blocks, row
+    rows = _by_row(weights, shape).reshape(blocks * points, row)
+    return _by_row(nodes, shape), _by_row(slopes, shape), rows
+
+
+def _wider(rows: Array, width: int) -> Array:
+    """Rows that are filled up with zeros."""
+    return np.pad(rows, [*[(0, 0)] * (rows.ndim - 1), (0, width - rows.shape[-1])])
 
 
 def _by_row(of_cells: Array, shape: tuple[int, int]) -> Array:

@@ -11,14 +11,15 @@ With the cross product of tensors (`surrogate.mechanics.solids.deformation`) and
     k J_k = \sum_{j=1}^k j \, C_{k-j} : H_j.
 
 Sums of such products give the other measures of the deformation, and the tape of the energy's law
-(`surrogate.mechanics.energy.tape`) its derivatives :math:`ψ_a`: every coefficient follows from those
-before it, whatever the energy is. All depend on :math:`H_k` linearly, by their derivatives at rest.
-So the part of :math:`P_k` that follows from the terms before is that with :math:`H_k = 0`.
+(`surrogate.mechanics.energy.tape`) its derivatives :math:`ψ_a`: every coefficient follows from
+those before it, whatever the energy is. All depend on :math:`H_k` linearly, by their derivatives at
+rest. So the part of :math:`P_k` that follows from the terms before is that with :math:`H_k = 0`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -125,24 +126,24 @@ class SeriesOfLaw:
                 if slope and gain is not None:
                     slots[number] = sum_of(slots[number], slope * gain)
 
-    def pressure_gain(self, dilation: Tensor, of_h: Tensor) -> Coefficient:
+    def pressure_gain(self, dilation: Coefficient, of_h: Tensor) -> Tensor:
         """What ∂ψ/∂θ gains by H, with what θ gains."""
         slot = int(self.law.stress.outputs[DILATION])
-        if slot < 0:
-            return None
+        if slot < 0 or dilation is None:
+            return torch.zeros_like(of_h)
         slopes = self.slopes[slot]
         return (2 * slopes[FIRST] + 4 * slopes[SECOND] + slopes[VOLUME]) * of_h + slopes[
             DILATION
         ] * dilation
 
-    def _series(self, measure: int, k: int) -> list[Coefficient | float]:
-        """ψ_a of the orders 0 to k, with the pressure in that by J."""
-        found: list[Coefficient | float] = [self._at_rest(measure)]
+    def _series(self, measure: int, k: int) -> list[Any]:
+        """ψ_a of the orders 0 to k, with the pressure in that by J: a number, then coefficients."""
+        found: list[Any] = [self._at_rest(measure)]
         found += [self._output(measure, order) for order in range(1, k + 1)]
-        if measure == VOLUME and self.pressure:
-            found[0] = found[0] + self._at_rest(DILATION)  # type: ignore[operator]
+        if measure == VOLUME:
+            found[0] += self._at_rest(DILATION)
             for order, pressure in enumerate(self.pressure, 1):
-                found[order] = sum_of(found[order], pressure)  # type: ignore[arg-type]
+                found[order] = sum_of(found[order], pressure)
         return found
 
     def _at_rest(self, measure: int) -> float:

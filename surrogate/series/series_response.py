@@ -6,7 +6,7 @@ r"""The response of the body to forces on the grid, to some order in the load.
 
 with the part P̂ₖ of the k-th term of the stress that follows from u₁ … uₖ₋₁
 (`surrogate.series.stress_series`) and the gradients G of the shape functions. The terms
-are those of `surrogate.series.third_order`, on any device. They are in double precision
+are those of `surrogate.series.body_series`, on any device. They are in double precision
 if K⁻¹ is dense: errors of single precision are rough, with much energy. Those of a large body are
 smaller than a network's, and single precision takes half the time. The coefficients c, near 1 under
 moderate loads, are those of the least potential energy (`surrogate.series.least_energy`).
@@ -35,7 +35,7 @@ from surrogate.series.least_energy import LeastEnergy
 from surrogate.series.stress_series import SeriesStress, higher_terms
 
 if TYPE_CHECKING:
-    from surrogate.series.compiled_series import CompiledResponse
+    from surrogate.series.compiled_series import CompiledSeries
 
 AT_ONCE = 2**19  # values of the search for the least energy that are held at once: in the cache
 AT_ONCE_ON_GPU = 2**26
@@ -160,7 +160,7 @@ class SeriesResponse(LinearResponse):
         operators = solid.gradients.to(self.precision), weights_of_zones(solid).to(self.precision)
         self.higher = CellOperators(geometry, reference, *operators)
         self.order, self.compiled = order, COMPILES
-        self._by_cells: CompiledResponse | None = None
+        self._by_cells: CompiledSeries | None = None
         self._least_energy = LeastEnergy()
         values = order * geometry.dimension**2 * len(self.higher.volumes)
         self._values, self._is_small = values, values < COMPILED
@@ -225,13 +225,15 @@ class SeriesResponse(LinearResponse):
         return torch.from_numpy(beyond).transpose(1, 2), torch.from_numpy(last).transpose(1, 2)
 
     @property
-    def by_cells(self) -> CompiledResponse:
+    def by_cells(self) -> CompiledSeries:
         """The compiled response of a body on the CPU."""
         if self._by_cells is None:
-            from surrogate.series.compiled_series import CompiledResponse  # Numba: half a second
+            from surrogate.series.compiled_series import CompiledSeries  # Numba: half a second
 
             assert isinstance(self.compliance, Compliance)
-            self._by_cells = CompiledResponse(self.higher, self.compliance, self.order)
+            solid, respond = self.compliance.equilibrium.solid, self.compliance.respond_at_nodes
+            kind = np.float64 if self.precision == torch.float64 else np.float32
+            self._by_cells = CompiledSeries(solid, kind, respond, self.order)
         return self._by_cells
 
     def balanced(self, stress: Tensor) -> Tensor:

@@ -6,8 +6,8 @@ The measures of a deformation gradient F are
           I_4 = |F a|^2, \quad K_4 = |\mathrm{cof}(F) \, a|^2
 
 of three dimensions, with the last two for every family of fibres along a. Plane strain has
-:math:`F_{33} = 1`, so that :math:`I_2 = I_1 - 1 + J^2` is none of its own. Where an element finds the
-dilation θ by itself (`surrogate.mechanics.solids.projections`), the energy is that of
+:math:`F_{33} = 1`, so that :math:`I_2 = I_1 - 1 + J^2` is none of its own. Where an element finds
+a dilation θ by itself (`surrogate.mechanics.solids.solid`), the energy is that of
 :math:`\bar F = (θ / J)^{1/d} F`, whose measures are
 
 .. math:: \bar I_1 = r^2 I_1, \quad \bar I_2 = r^4 I_2, \quad \bar J = θ, \quad
@@ -24,8 +24,7 @@ from dataclasses import dataclass
 from functools import cache
 from itertools import combinations_with_replacement
 
-import numpy as np
-import sympy
+import sympy  # type: ignore[import-untyped]
 
 from shared_schema.materials import FibreInvariants, Invariants, Material, Scalar
 from surrogate.mechanics.energy.tape import Tape, Values, positive

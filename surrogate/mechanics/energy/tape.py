@@ -29,7 +29,7 @@ from types import ModuleType
 from typing import Any, TypeAlias
 
 import numpy as np
-import sympy
+import sympy  # type: ignore[import-untyped]
 from numpy.typing import NDArray
 
 Values: TypeAlias = Any  # numbers, arrays or tensors
@@ -50,7 +50,7 @@ class Operation(IntEnum):
     STEP = 8
 
 
-class step(sympy.Function):  # noqa: N801 - printed as it is written
+class step(sympy.Function):  # type: ignore[misc]  # noqa: N801 - as it is printed
     """Derivative of `positive`: 1, 1/2 or 0 where the argument is positive, zero or negative."""
 
     def fdiff(self, argindex: int = 1) -> sympy.Expr:
@@ -58,7 +58,7 @@ class step(sympy.Function):  # noqa: N801 - printed as it is written
         return sympy.Integer(0)
 
 
-class positive(sympy.Function):  # noqa: N801
+class positive(sympy.Function):  # type: ignore[misc]  # noqa: N801
     """The larger one of the argument and 0."""
 
     def fdiff(self, argindex: int = 1) -> sympy.Expr:

@@ -11,7 +11,7 @@ with the moduli of `surrogate.mechanics.solids.deformation` and the projection Î
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import torch
 from torch import Tensor
@@ -36,7 +36,7 @@ def stress_changes(solid: Solid, points: Points, h: Sequence[Tensor]) -> list[Te
 
 def _by_law(
     solid: Solid,
-    function: object,
+    function: Callable[[Points, Law, Tensor, Tensor | None], Tensor],
     points: Points,
     h: Tensor,
     dilation: Tensor | None = None,

@@ -191,17 +191,13 @@ def cofactors(f: Tensor) -> Tensor:
 def cross(a: Tensor, b: Tensor) -> Tensor:
     """A × B, in the plane (tr B) I - Bᵀ: (d, d, …) twice → same."""
     if len(b) == 2:
-        rows = torch.stack([b[1, 1], -b[1, 0]]), torch.stack([-b[0, 1], b[0, 0]])
-        return torch.stack(rows).expand(torch.broadcast_shapes(a.shape, b.shape))
+        turned = torch.stack([b[1, 1], -b[1, 0]]), torch.stack([-b[0, 1], b[0, 0]])
+        return torch.stack(turned) + torch.zeros_like(a)
     rows = []
     for i in range(3):
         k, n = (i + 1) % 3, (i + 2) % 3
-        rows.append(_cross(a[k], b[n]) + _cross(b[k], a[n]))
+        rows.append(torch.linalg.cross(a[k], b[n], dim=0) + torch.linalg.cross(b[k], a[n], dim=0))
     return torch.stack(rows)
-
-
-def _cross(a: Tensor, b: Tensor) -> Tensor:
-    return torch.linalg.cross(*torch.broadcast_tensors(a, b), dim=0)
 
 
 def _times(f: Tensor, a: Tensor) -> Tensor:

@@ -1,8 +1,8 @@
 r"""A solid whose cells change their volume as a whole: `incompressible` quadrilaterals, hexahedra.
 
-The dilation θ is the mean of J over a cell (*F-bar*, or *mean dilatation*), and p that of ∂W/∂θ. So
-the tangent of a cell with the volume V is that at fixed θ and p (`surrogate.mechanics.solids.solid`)
-and
+The dilation θ is the mean of J over a cell (*F-bar*, or *mean dilatation*), and p that of ∂W/∂θ.
+So the tangent of a cell with the volume V is that at fixed θ and p
+(`surrogate.mechanics.solids.solid`) and
 
 .. math::
     \frac{c ⊗ v + v ⊗ c}{V} + \frac{s}{V^2} \, v ⊗ v, \qquad

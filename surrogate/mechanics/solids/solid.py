@@ -19,9 +19,9 @@ square over the body (Simo, Taylor and Pister 1985),
     E(u) = \sum_q w_q W(\bar F_q), \quad \bar F = (θ / J)^{1/d} F, \quad θ = Π J, \qquad
     P = \frac{∂W}{∂F} + p \, \mathrm{cof} F, \quad p = Π \frac{∂W}{∂θ}.
 
-These functions are constant in every cell (`surrogate.mechanics.solids.mean_dilation`), or linear in
-it and continuous (`surrogate.mechanics.solids.taylor_hood`). A displacement that is slightly wrong
-has pressures p that are very wrong, since a small change of the volume makes a large one. The
+These functions are constant in every cell (`surrogate.mechanics.solids.mean_dilation`), or linear
+in it and continuous (`surrogate.mechanics.solids.taylor_hood`). A displacement that is slightly
+wrong has pressures p that are very wrong, since a small change of the volume makes a large one. The
 tangent without them is called relaxed; a step with it makes the volumes right.
 """
 

@@ -18,8 +18,8 @@ from surrogate.certify.full_certificate import certify
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.quadratic import QuadraticEquilibrium, on_points
-from surrogate.mechanics.solids.elements import gradients_at
 from surrogate.mechanics.solids.deformation import energy_density
+from surrogate.mechanics.solids.elements import gradients_at
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
 
 CELLS = ("triangle", "quad", "tetra", "hexahedron")

@@ -24,7 +24,7 @@ from surrogate.networks.reduced_network import ReducedNetwork
 from surrogate.optim.optimisers import is_hidden_kernel
 from surrogate.probabilistic.flipout import flipouts
 from surrogate.runs.config_reader import read_config, run_config
-from surrogate.series.third_order import series_on_grid
+from surrogate.series.terms_on_grid import series_on_grid
 from tests.surrogate.resuming import assert_resumes, trained
 
 SMALL = {"input_modes": 6, "output_modes": 8, "width": 16, "depth": 2}

@@ -12,11 +12,12 @@ from surrogate.data.geometry import Geometry
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.series import least_energy as least_energy_module
 from surrogate.series.cofactors import cofactors, cross_product, linear_cofactors
-from surrogate.series.compiled_energy import energy_at, potential_of_terms
-from surrogate.series.compiled_energy import least_energy as compiled_least_energy
+from surrogate.series.compiled_series import SeriesBody
+from surrogate.series.compiled_terms import add_term, room_for_terms
+from surrogate.series.compiled_weights import Potential, energy_at, potential_of_terms
+from surrogate.series.compiled_weights import least_energy as compiled_least_energy
 from surrogate.series.least_energy import EnergyOfTerms, LeastEnergy, solved
 from surrogate.series.series_response import SeriesResponse
-from surrogate.series.stress_series import Factors
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
 
 ORDER = 3
@@ -111,22 +112,30 @@ def test_compiled_energy_is_the_same(cell_type: str, volumetric: str) -> None:
     c = torch.tensor([0.9, 1.1, 0.7], dtype=torch.float64)
     _, energy, gradient, hessian = expected.at(c.expand(2, ORDER))
     for sample in range(2):
-        h = np.stack([h[sample].numpy() for h in terms.gradients])
-        factors, volumes = Factors.of(material), terms.volumes.numpy()
-        potential = potential_of_terms(h[None], volumes[None], factors)
+        potential, unit = compiled_potential(terms, sample)
         found, of_found = np.empty(ORDER), np.empty((ORDER, ORDER))
-        value = energy_at(c.numpy(), potential, found, of_found)
-        np.testing.assert_allclose(value, energy[sample], rtol=1e-12)
-        np.testing.assert_allclose(found, gradient[sample], rtol=1e-10)
+        value = energy_at(c.numpy(), potential, found, of_found) * unit
+        np.testing.assert_allclose(value, energy[sample], rtol=1e-9)
+        np.testing.assert_allclose(found * unit, gradient[sample], rtol=1e-8)
         lower = np.tril_indices(ORDER)  # the upper half is not written
-        np.testing.assert_allclose(of_found[lower], hessian[sample][lower], rtol=1e-12)
+        np.testing.assert_allclose(of_found[lower] * unit, hessian[sample][lower], rtol=1e-9)
         by_newton = compiled_least_energy(potential, np.finfo(float).eps)
         np.testing.assert_allclose(by_newton, least[sample], rtol=1e-5)
         far = torch.tensor([[x, 0, 0] for x in (-30, -10, -3, 3, 10, 30)], dtype=torch.float64)
         energies = [expected.at(c.expand(2, ORDER)).energy[sample] for c in far]
-        values = [energy_at(c.numpy(), potential, found, of_found) for c in far]
-        np.testing.assert_allclose(values, energies)
+        values = [energy_at(c.numpy(), potential, found, of_found) * unit for c in far]
+        np.testing.assert_allclose(values, energies, rtol=1e-9)
         assert np.inf in values
+
+
+def compiled_potential(terms: Terms, sample: int) -> tuple[Potential, float]:
+    """Π of the terms of one load, and its unit in J."""
+    cells, laws, moduli = SeriesBody.of(terms.equilibrium.solid, np.float64)
+    room = room_for_terms(1, ORDER, cells, laws)
+    for k, term in enumerate(terms.terms, start=1):
+        u = np.ascontiguousarray(term[sample].T.numpy())[None]
+        add_term(k, cells, laws, u, room, np.zeros_like(u))
+    return potential_of_terms(room.h[0], cells, laws, moduli), cells.unit
 
 
 @pytest.mark.parametrize("cell_type", ["quad", "triangle", "hexahedron", "tetra"])

@@ -21,9 +21,9 @@ from surrogate.inference.loading import load
 from surrogate.mechanics.linear_response import LinearResponse
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.models.unet_model import UNetModel
+from surrogate.series.body_series import BodySeries
 from surrogate.series.load_threads import in_threads
 from surrogate.series.series_response import SeriesResponse
-from surrogate.series.third_order import third_order_terms
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load, in_equilibrium, zoned
 from tests.surrogate.resuming import assert_resumes, trained
 from tests.surrogate.unet_configs import unet_config
@@ -51,19 +51,19 @@ def test_terms_of_zones(cell_type: str) -> None:
     geometry, materials = zoned(cell_type)
     body, response = Equilibrium(geometry, materials), SeriesResponse(geometry, materials, False, 5)
     load = end_load(geometry, *(1.0, -4.0, 2.0)[: geometry.dimension])
-    series = third_order_terms(body, load[None])
-    first = torch.from_numpy(series.first).transpose(1, 2)
+    series = BodySeries(body, 5).terms(load[None]).u
+    first = torch.from_numpy(series[0]).transpose(1, 2)
     terms, _ = response.terms(first)
-    for found, expected, rtol in ((terms[1], series.second, 1e-5), (terms[2], series.third, 2e-3)):
+    for found, expected in zip(terms, series, strict=True):
         difference = np.abs(found.transpose(1, 2).numpy() - expected).max()
-        assert difference < rtol * np.abs(expected).max()
+        assert difference < 1e-9 * np.abs(expected).max()
     beyond, _ = response.beyond_first(first)
-    compiled, _ = response.by_cells(series.first)
-    np.testing.assert_allclose(compiled[0], beyond[0].T, atol=1e-9 * np.abs(series.first).max())
+    compiled, _ = response.by_cells(series[0])
+    np.testing.assert_allclose(compiled[0], beyond[0].T, atol=1e-9 * np.abs(series[0]).max())
     u = (first + beyond)[0].T.numpy()
     truth = correct(body, load, u, 1e-12).displacement
     assert np.abs(u - truth).max() < 2e-4 * np.abs(truth).max()
-    assert np.abs(series.first[0] - truth).max() > 2e-2 * np.abs(truth).max()
+    assert np.abs(series[0, 0] - truth).max() > 2e-2 * np.abs(truth).max()
 
 
 @pytest.mark.parametrize("volumetric", ["paper", "quadratic"])
@@ -75,13 +75,13 @@ def test_terms_are_those_of_the_series(cell_type: str, volumetric: str) -> None:
     )
     load = end_load(geometry, *(1.0, -4.0, 2.0)[: geometry.dimension])
     forces = np.stack([load, -2 * load, 0 * load])
-    series = third_order_terms(Equilibrium(geometry, material), forces)
+    series = BodySeries(Equilibrium(geometry, material), 3).terms(forces).u
     response = SeriesResponse(geometry, material)
-    first = torch.from_numpy(series.first).transpose(1, 2)
+    first = torch.from_numpy(series[0]).transpose(1, 2)
     terms, gradients = response.terms(first)
-    for found, expected in zip(terms, (series.first, series.second, series.third), strict=True):
+    for found, expected in zip(terms, series, strict=True):
         expected_too = expected.swapaxes(1, 2)
-        np.testing.assert_allclose(found, expected_too, atol=1e-4 * np.abs(expected).max())
+        np.testing.assert_allclose(found, expected_too, atol=1e-9 * np.abs(expected).max())
     f = Equilibrium(geometry, material).solid.deformation_gradient(terms[2].transpose(1, 2))
     of_third = f.permute(3, 0, 1, 2, 4).flatten(3) - torch.eye(len(f))[..., None]
     torch.testing.assert_close(gradients[2], of_third)

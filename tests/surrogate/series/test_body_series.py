@@ -1,0 +1,127 @@
+"""Load series of any material, element and load, against the equilibria of the finite elements."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from shared_schema.common.bodies.cells import outward_facets
+from shared_schema.materials import (
+    Gent,
+    Materials,
+    MooneyRivlin,
+    NeoHookean,
+    StVenantKirchhoff,
+    Yeoh,
+)
+from surrogate.certify.correction import correct
+from surrogate.mechanics.follower_pressure import FollowerPressure
+from surrogate.mechanics.out_of_balance import Equilibrium
+from surrogate.mechanics.quadratic import QuadraticEquilibrium
+from surrogate.series.body_series import BodySeries
+from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
+
+MATERIALS: dict[str, Materials] = {
+    "neo_hookean": MATERIAL,
+    "nearly incompressible": NeoHookean(young_modulus=500, poisson_ratio=0.499),
+    "st_venant_kirchhoff": StVenantKirchhoff(young_modulus=500, poisson_ratio=0.4),
+    "mooney_rivlin": MooneyRivlin(c10=60, c01=25, bulk_modulus=3000),
+    "yeoh": Yeoh(c10=80, c20=30, c30=5, bulk_modulus=3000),
+    "gent": Gent(shear_modulus=170, limit=8, bulk_modulus=3000),
+    "two": (MATERIAL, Yeoh(c10=40, c20=10, c30=2, bulk_modulus=1000)),
+}
+ELEMENTS = {
+    "linear": ("triangle", "quad", "tetra", "hexahedron"),
+    "quadratic": ("triangle", "tetra"),
+    "incompressible": ("triangle", "quad", "tetra", "hexahedron"),
+}
+ORDER = 5
+LOAD, PRESSURE = (0.3, -2.0, 0.8), 3.0  # N at a corner, Pa on the upper side: up to 0.4 of 2 m
+
+
+def body(element: str, cell_type: str, material: str) -> Equilibrium:
+    geometry = box(cell_type)
+    is_two, whole = material == "two", element == "incompressible"
+    parts = (geometry.coordinates[geometry.cells, 0].mean(axis=1) > 1).astype(int)
+    geometry = replace(geometry, mean_dilation=whole, parts=parts if is_two else None)
+    if element == "quadratic" or (whole and cell_type in ("triangle", "tetra")):
+        geometry = replace(geometry, has_points_between=True)
+        return QuadraticEquilibrium(geometry, MATERIALS[material])
+    return Equilibrium(geometry, MATERIALS[material])
+
+
+def upper_side(cell_type: str, equilibrium: Equilibrium) -> FollowerPressure:
+    """A pressure on the side y = 1."""
+    geometry = box(cell_type)
+    facets = outward_facets(geometry.coordinates, geometry.cells, cell_type)
+    upper = facets[np.isclose(geometry.coordinates[facets][:, :, 1], 1).all(axis=1)]
+    points = getattr(equilibrium, "points", None)
+    surface = upper if points is None else points.facets(upper)
+    return FollowerPressure.on(geometry.coordinates, (surface,), np.array([[PRESSURE]]), points)
+
+
+@pytest.mark.parametrize("material", MATERIALS)
+@pytest.mark.parametrize(
+    ("element", "cell_type"),
+    [(element, cell_type) for element, some in ELEMENTS.items() for cell_type in some],
+)
+def test_five_terms_are_the_equilibrium(element: str, cell_type: str, material: str) -> None:
+    """Under a force, a pressure that follows the surface, and both: within 0.5 %."""
+    equilibrium = body(element, cell_type, material)
+    series, d = BodySeries(equilibrium, ORDER), equilibrium.geometry.dimension
+    nodes = equilibrium.nodes
+    load = end_load(box(cell_type), *LOAD[:d])
+    push = upper_side(cell_type, equilibrium)
+    for force, pressure in ((load, None), (0 * load, push), (load, push)):
+        at_points = equilibrium.forces_at_points(force[None])
+        found, last = series(at_points, pressure)
+        under = equilibrium if pressure is None else equilibrium.under(pressure)
+        expected = correct(under, force, found[0, :nodes]).displacement
+        size = np.linalg.norm(expected, axis=1).max()
+        assert np.linalg.norm(found[0, :nodes] - expected, axis=1).max() < 0.005 * size
+        assert last[0] < 0.1 * size
+        linear = equilibrium.linear_response(under.at_rest(at_points))[0, :nodes]
+        assert np.linalg.norm(linear - expected, axis=1).max() > 0.001 * size
+
+
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_terms_are_derivatives(element: str) -> None:
+    """The remainder of n terms, all weights 1, is of order n + 1 in the load."""
+    equilibrium = body(element, "quad" if element != "quadratic" else "triangle", "yeoh")
+    nodes, order = equilibrium.nodes, 3
+    cell_type = "quad" if element != "quadratic" else "triangle"
+    load, push = end_load(box(cell_type), 0.3, -2.0), upper_side(cell_type, equilibrium)
+    errors = []
+    for t in (0.5, 0.25):
+        scaled = equilibrium.forces_at_points(t * load[None])
+        pressure = push.scaled(t)
+        found = BodySeries(equilibrium, order).terms(scaled, pressure).u.sum(axis=0)
+        exact = correct(equilibrium.under(pressure), t * load, found[0, :nodes], 1e-11)
+        errors.append(np.abs(found[0, :nodes] - exact.displacement).max())
+    assert 13 < errors[0] / errors[1] < 20  # 2⁴
+
+
+def test_compiled_loops_are_the_same() -> None:
+    """Of bodies without a dilation of their own, under dead forces."""
+    for cell_type in ELEMENTS["linear"]:
+        for material in MATERIALS:
+            equilibrium = body("linear", cell_type, material)
+            load = end_load(box(cell_type), *LOAD[: equilibrium.geometry.dimension])[None]
+            series = BodySeries(equilibrium, ORDER)
+            compiled, last = series(load)
+            series.__dict__["_compiled"] = None
+            general, other = series(load)
+            size = np.abs(general).max()
+            np.testing.assert_allclose(compiled, general, atol=1e-6 * size)
+            np.testing.assert_allclose(last, other, atol=1e-6 * size)
+
+
+def test_no_load_and_a_small_one() -> None:
+    equilibrium = body("linear", "quad", "yeoh")
+    series = BodySeries(equilibrium, ORDER)
+    load = end_load(box("quad"), 0.3, -2.0)[None]
+    assert not series(0 * load)[0].any()
+    small, _ = series(1e-9 * load)
+    np.testing.assert_allclose(small, 1e-9 * equilibrium.linear_response(load), rtol=1e-6)
