@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from shared_schema.materials import ZERO
 from surrogate.mechanics.energy.law import DILATION, FIBRES, FIRST, SECOND, VOLUME, Law
 from surrogate.mechanics.energy.tape import Operation, Tape
 from surrogate.series.compiled_fields import Array, compiled
@@ -161,7 +162,7 @@ def next_coefficients(k: int, number: int, laws: Laws, slots: Array) -> None:
             elif code == LN:
                 factor = real(1 / first)
             else:
-                factor = real(1.0 if first > 0 else (0.5 if first == 0 else 0.0))
+                factor = real(1.0 if first > -ZERO else 0.0)
             for q in range(points):
                 out[q] = factor * a[q]
             if code in (POWER, EXP, LN):
@@ -214,7 +215,7 @@ def values_of(number: int, tapes: Tapes, slots: Doubles) -> None:
                 out[q] = math.log(a[q])
         elif code == POSITIVE:
             for q in range(points):
-                out[q] = max(a[q], 0.0)
+                out[q] = a[q] if a[q] > -ZERO else 0.0
         else:
             for q in range(points):
-                out[q] = 1.0 if a[q] > 0 else (0.5 if a[q] == 0 else 0.0)
+                out[q] = 1.0 if a[q] > -ZERO else 0.0

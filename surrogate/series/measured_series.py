@@ -24,6 +24,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from shared_schema.materials import ZERO
 from surrogate.mechanics.energy.law import DILATION, FIBRES, FIRST, SECOND, VOLUME, Law
 from surrogate.mechanics.energy.tape import Operation
 from surrogate.mechanics.solids.deformation import cross
@@ -192,7 +193,7 @@ class SeriesOfLaw:
                 total = sum_of(total, times(factor, product(y[j - 1], a[k - j - 1])))
             return total
         if code == Operation.POSITIVE:
-            return times((first > 0) + 0.5 * (first == 0), a[-1])
+            return times(float(first > -ZERO), a[-1])
         return None
 
 
@@ -220,7 +221,7 @@ def slopes_at_rest(law: Law) -> list[list[float]]:
         elif code == Operation.LN:
             of_left = 1 / a
         elif code == Operation.POSITIVE:
-            of_left = (a > 0) + 0.5 * (a == 0)
+            of_left = float(a > -ZERO)
         found.append(
             [of_left * x + of_right * y for x, y in zip(found[left], found[right], strict=True)]
         )

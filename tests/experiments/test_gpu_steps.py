@@ -42,7 +42,7 @@ from surrogate.data import read_dataset
 
 CPU = torch.device("cpu")
 IMPORTED = {"pyyaml": "yaml", "scikit-learn": "sklearn"}
-OF_TORCH = ("filelock",)  # which PyTorch brings with it
+OF_TORCH = ("filelock", "sympy")  # which PyTorch brings with it
 THERE = (
     "torch",
     *OF_TORCH,

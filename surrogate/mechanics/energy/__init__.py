@@ -1,1 +1,1 @@
-"""Strain energies as lists of scalar operations."""
+"""Strain energies and their derivatives as lists of scalar operations."""

@@ -119,6 +119,14 @@ def law_of(material: Material, dimension: int, projected: bool = False) -> Law:
     first = [sympy.diff(energy, measure) for measure in measures]
     pairs = combinations_with_replacement(range(len(measures)), 2)
     second = [sympy.diff(first[a], measures[b]) for a, b in pairs]
-    return Law(
-        len(measures), Tape.of(first, measures), Tape.of([energy, *first, *second], measures)
-    )
+    count = len(measures)
+    law = Law(count, Tape.of(first, measures), Tape.of([energy, *first, *second], measures))
+    if projected or families:
+        return law
+    # What rounding errors leave of the stress of the undeformed body is taken from it.
+    by_i1, by_i2, by_j, *_ = law.stress(law.at_rest)
+    left = float(2 * by_i1 + (4 * by_i2 if dimension == 3 else 0.0) + by_j)
+    if left == 0:
+        return law
+    stress, whole = law.stress.shifted(VOLUME, -left), law.energy.shifted(1 + VOLUME, -left)
+    return Law(count, stress, whole)

@@ -14,16 +14,18 @@ PRODUCT     a b                   Σᵢ aᵢ bₖ₋ᵢ
 POWER       y = a^c               Σᵢ (c i − k + i) aᵢ yₖ₋ᵢ / (k a₀), i ≥ 1
 EXP         y = exp a             Σᵢ i aᵢ yₖ₋ᵢ / k, i ≥ 1
 LN          y = ln a              (aₖ − Σᵢ i yᵢ aₖ₋ᵢ / k) / a₀, 1 ≤ i < k
-POSITIVE    max(a, 0)             step(a₀) aₖ
-STEP        1, 1/2, 0: a >, =, < 0  0
+POSITIVE    max(a, 0)             aₖ if a₀ ≥ 0, else 0
+STEP        1 if a ≥ 0, else 0    0
 ==========  ====================  ==========================================
+
+A number above −`shared_schema.materials.ZERO` counts as no less than 0, as in the energy itself.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from types import ModuleType
 from typing import Any, TypeAlias
@@ -31,6 +33,8 @@ from typing import Any, TypeAlias
 import numpy as np
 import sympy  # type: ignore[import-untyped]
 from numpy.typing import NDArray
+
+from shared_schema.materials import ZERO
 
 Values: TypeAlias = Any  # numbers, arrays or tensors
 WHOLE = 1e-12  # largest distance of an exponent from a whole number that is a rounding error
@@ -51,7 +55,7 @@ class Operation(IntEnum):
 
 
 class step(sympy.Function):  # type: ignore[misc]  # noqa: N801 - as it is printed
-    """Derivative of `positive`: 1, 1/2 or 0 where the argument is positive, zero or negative."""
+    """Derivative of `positive`: 1 where the argument is not negative, else 0."""
 
     def fdiff(self, argindex: int = 1) -> sympy.Expr:
         """Zero."""
@@ -128,10 +132,28 @@ class Tape:
             elif code == Operation.LN:
                 found.append(library.log(a))
             elif code == Operation.POSITIVE:
-                found.append((a + abs(a)) / 2)
+                found.append(a * (a > -ZERO))
             else:
-                found.append((1 + library.sign(a)) / 2)
+                found.append(1.0 * (a > -ZERO))
         return found
+
+    def shifted(self, output: int, constant: float) -> Tape:
+        """The tape with a number added to an output."""
+        slot = int(self.outputs[output])
+        if slot < 0:
+            fixed = self.fixed.copy()
+            fixed[output] += constant
+            return replace(self, fixed=fixed)
+        outputs = self.outputs.copy()
+        outputs[output] = self.inputs + len(self.codes)
+        return replace(
+            self,
+            codes=np.append(self.codes, int(Operation.SHIFT)),
+            left=np.append(self.left, slot),
+            right=np.append(self.right, 0),
+            constants=np.append(self.constants, constant),
+            outputs=outputs,
+        )
 
     @classmethod
     def of(cls, expressions: Sequence[sympy.Expr], inputs: Sequence[sympy.Symbol]) -> Tape:
