@@ -49,6 +49,8 @@ class Geometry:
         Nodes of the named groups of the mesh.
     group_parts : mapping of str to GroupParts
         Facets and cells of the groups whose nodes do not tell them.
+    fibres : array, (n_cells, families, d), or None
+        Unit directions of the fibres of every cell, 0 where its material has fewer families.
     pressed : array of int, (n_facets, n_corners), or None
         Facets that a pressure of the case follows, seen from outside.
     pressed_surface : array of int, (n_facets,), or None
@@ -83,6 +85,7 @@ class Geometry:
     pressed_by_corners: bool = False
     units: Units = SI
     group_parts: Mapping[str, GroupParts] = field(default_factory=dict)
+    fibres: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         hold_read_only(self)
@@ -103,6 +106,7 @@ class Geometry:
             arrays.get("mesh/pressed"),
             arrays.get("mesh/pressed_surface"),
             group_parts=parts_of(arrays, cell_type),
+            fibres=arrays.get("mesh/fibres"),
         )
 
     @classmethod
@@ -131,6 +135,7 @@ class Geometry:
                 for name in groups
                 if SIDES + name in arrays
             },
+            fibres=arrays.get("fibres"),
         )
 
     def arrays(self) -> Arrays:
@@ -278,4 +283,4 @@ class Geometry:
 
 
 _ARRAYS = ("coordinates", "cells", "clamped", "loadable")
-_OPTIONAL = ("single", "parts")
+_OPTIONAL = ("single", "parts", "fibres")

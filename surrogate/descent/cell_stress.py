@@ -61,7 +61,11 @@ class CellStress:
         if self._factors is None:
             of_cells = torch.from_numpy(f).reshape(*f.shape[:2], cells, 1, -1)
             laws = [law_of(material, len(f)) for material in solid.materials]
-            return solid.by_law(stress_at, Points(of_cells), laws).flatten(2).numpy()
+            return (
+                solid.by_law(stress_at, Points(of_cells, fibres=solid.fibres), laws)
+                .flatten(2)
+                .numpy()
+            )
         if isinstance(solid, MeanDilationSolid):
             return self._of_mean_dilation(f, j, cofactors)
         mu, growth, decay = np.repeat(self._factors, len(j) // cells, axis=1)

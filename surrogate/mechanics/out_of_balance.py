@@ -101,7 +101,7 @@ class Equilibrium:
     def __init__(self, geometry: Geometry, material: Materials) -> None:
         body = geometry.coordinates, geometry.cells, geometry.cell_type
         self.geometry, self.nodes = geometry, len(geometry.coordinates)
-        self.solid = solid_kind(geometry)(*body, material, geometry.parts)
+        self.solid = solid_kind(geometry)(*body, material, geometry.parts, geometry.fibres)
         self.mean_dilation, self.free = geometry.mean_dilation, ~geometry.held
         moduli = max(m.lame_lambda + m.lame_mu for m in as_tuple(material))
         self.rounding = 10 * EPSILON * moduli * float(self.solid.volumes.sum())

@@ -47,7 +47,12 @@ def cell_stresses(solid: Solid, geometry: Geometry, displacement: Array) -> dict
         gradient = ratio ** (1 / geometry.dimension) * gradient
     f = completed(gradient[..., None])
     laws = [law_of(material, 3) for material in solid.materials]
-    p, w = (solid.by_law(field, Points(f), laws) for field in (stress_at, density_at))
+    fibres = solid.fibres
+    if fibres is not None and fibres.shape[1] == 2:  # in the plane
+        fibres = torch.cat([fibres, torch.zeros_like(fibres[:, :1])], dim=1)
+    p, w = (
+        solid.by_law(field, Points(f, fibres=fibres), laws) for field in (stress_at, density_at)
+    )
     of_cells = f[..., 0].permute(3, 2, 0, 1).numpy()
     first_piola = p[..., 0].permute(3, 2, 0, 1).numpy()
     return stress_fields(of_cells, first_piola, w[..., 0].T.numpy())

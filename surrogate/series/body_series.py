@@ -43,7 +43,7 @@ COMPILES = find_spec("numba") is not None  # a machine that only trains may do w
 STEPS = 30  # of the search for the weights, at most
 SMALL_STEP, SMALLEST_STEP = 3e-3, 1e-10  # relative to the last term, and to the first one
 SHORTENINGS = 10
-NEGLIGIBLE = 0.01 * float(np.finfo(np.float64).eps)  # gradients whose squares are lost
+SMALL = 1e-5  # gradients whose sum of terms, all weights 1, is right to rounding
 TINY = 1e-300
 
 
@@ -157,7 +157,13 @@ class SeriesOfBody:
 
     def __init__(self, solid: Solid) -> None:
         self.solid, d = solid, solid.gradients.shape[3]
-        self._laws = [SeriesOfLaw(law, d) for law in solid.laws]
+        self._laws = []
+        for number, law in enumerate(solid.laws):
+            fibres: list[Tensor] = []
+            if solid.fibres is not None and law.families:
+                some = solid.members[number] if solid.members else slice(None)
+                fibres = list(solid.fibres[: law.families, :, some])
+            self._laws.append(SeriesOfLaw(law, d, fibres))
         self._begun = False
 
     def add(self, h: Tensor) -> None:
@@ -169,7 +175,7 @@ class SeriesOfBody:
         for law, some, of_some in self._parts(h, gain):
             law.complete(some, of_some)
         if gain is not None:
-            slopes = [law.pressure_gain(x, trace(a)) for law, a, x in self._parts(h, gain)]
+            slopes = [law.pressure_gain() for law in self._laws]
             more = self.solid.projected(self._joined(slopes))
             for law, _, of_some in self._parts(h, more):
                 law.pressure[-1] = sum_of(law.pressure[-1], of_some)
@@ -274,13 +280,12 @@ class Weights:
         self.scale = (squares + TINY) ** -0.5
         ratios = squares[:, 1:] / (squares[:, :-1] + TINY)
         self.start = np.cumprod(np.pad(1 / (1 + ratios**2), ((0, 0), (1, 0)), constant_values=1), 1)
-        largest = self.h[0].abs().amax((0, 1, 2, 4)).numpy()
-        self.seen = largest > NEGLIGIBLE
+        self.is_small = self.h[0].abs().amax((0, 1, 2, 4)).numpy() <= SMALL
 
     def found(self) -> Array:
         """Weights of every load, (N, n)."""
-        c = np.eye(1, self.start.shape[1]).repeat(len(self.start), axis=0)
-        for row in np.flatnonzero(self.seen):
+        c = np.ones(self.start.shape)
+        for row in np.flatnonzero(~self.is_small):
             c[row] = self._of(slice(row, row + 1))
         return c
 

@@ -31,19 +31,19 @@ from surrogate.series.compiled_terms import Terms, add_term, room_for_terms
 from surrogate.series.compiled_weights import least_energy, potential_of_terms
 from surrogate.series.load_threads import in_threads
 
-NEGLIGIBLE = 0.01  # gradients in units of the rounding of a number: what is beyond u₁, relative
+SMALL = 1e-5  # gradients whose sum of terms, all weights 1, is right to rounding
 EPS = float(np.finfo(np.float64).eps)
 SOLVED = 16  # loads that are solved for together: 10 MB each on 4000 nodes in space
 SparseMap = tuple[NDArray[np.int64], Array]  # sources, weights
 
 
 @compiled
-def is_negligible(terms: Terms, load: int, rounding: float) -> bool:
-    """Tell whether what is beyond u₁ is lost in a relative rounding, from H₁."""
+def is_small(terms: Terms, load: int) -> bool:
+    """Tell whether the sum of the terms needs no other weights, from H₁."""
     found = 0.0
     for row in range(terms.h.shape[1]):
         found = max(found, largest(terms.h[load, row, 0].ravel()))
-    return found <= NEGLIGIBLE * rounding
+    return found <= SMALL
 
 
 class SeriesBody(NamedTuple):
@@ -124,16 +124,13 @@ def small_series(
     displacements, lengths = np.zeros(loads.shape), np.zeros(len(loads))
     gradients, order = np.zeros((len(loads), operators.on_grid[1].shape[1])), terms.h.shape[2]
     for load in range(len(loads)):
-        u, c = np.zeros((order, 1, *loads.shape[1:])), np.zeros(order)
+        u, c = np.zeros((order, 1, *loads.shape[1:])), np.ones(order)
         forces = loads[load : load + 1].copy()
-        c[0] = 1.0
         for k in range(order):
             add_weighted_rows(forces.ravel(), operators.response, u[k].ravel())
             forces[:] = 0
             add_term(k + 1, cells, laws, u[k], terms, forces)
-            if k == 0 and is_negligible(terms, 0, EPS):
-                break
-        else:
+        if not is_small(terms, 0):
             potential = potential_of_terms(terms.h[0], cells, laws, moduli)
             c = least_energy(potential, EPS)
         for k in range(order):
@@ -183,25 +180,20 @@ class CompiledSeries:
         (cells, laws, moduli), count = self.body, len(first)
         order, eps = self.order, float(np.finfo(first.dtype).eps)
         every, forces = np.zeros((order, *first.shape), first.dtype), np.zeros_like(first)
-        every[0], seen, c = first, np.empty(count, bool), np.eye(1, order).repeat(count, axis=0)
+        every[0], c = first, np.ones((count, order))
 
         def add(k: int, some: slice) -> None:
             add_term(k, cells, laws, every[k - 1, some], terms.of(some), forces[some])
 
-        def begin(some: slice) -> None:
-            add(1, some)
-            for n in range(some.start, some.stop):
-                seen[n] = not is_negligible(terms, n, eps)
-
         def combine(some: slice) -> None:
             for n in range(some.start, some.stop):
-                if seen[n]:
+                if not is_small(terms, n):
                     c[n] = least_energy(potential_of_terms(terms.h[n], cells, laws, moduli), eps)
 
-        in_threads(begin, count)
-        for k in range(2, order + 1) if seen.any() else ():
-            every[k - 1, seen] = self.respond(forces[seen])
-            forces[:] = 0
+        for k in range(1, order + 1):
+            if k > 1:
+                every[k - 1] = self.respond(forces)
+                forces[:] = 0
             in_threads(partial(add, k), count)
         in_threads(combine, count)
         last = c[:, -1, None, None].astype(first.dtype) * every[-1]

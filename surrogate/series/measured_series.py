@@ -40,10 +40,12 @@ class SeriesOfLaw:
     law : Law
     dimension : int
         d.
+    fibres : sequence of Tensors (d, …)
+        Unit directions of the families of the law.
     """
 
-    def __init__(self, law: Law, dimension: int) -> None:
-        self.law, self.d = law, dimension
+    def __init__(self, law: Law, dimension: int, fibres: Sequence[Tensor] = ()) -> None:
+        self.law, self.d, self.fibres = law, dimension, fibres
         tape = law.stress
         self.rest = [float(value) for value in tape.slots(law.at_rest)]
         self.slopes = slopes_at_rest(law)
@@ -53,6 +55,7 @@ class SeriesOfLaw:
         self.x: list[Tensor] = []  # of cof F × F
         self.pressure: list[Coefficient] = []
         self.slots: list[list[Coefficient]] = []  # of every order, from 1 on
+        self._gains: list[Coefficient] = []
 
     def begin(self, like: Tensor) -> Tensor:
         """Set the measures of the next order as if H were zero, and return J: (…).
@@ -83,8 +86,17 @@ class SeriesOfLaw:
             self.x.append(x)
         self.c.append(c)
         self.h.append(zero)
+        for family, a in enumerate(self.fibres):
+            stretched, area = self._along(self.h, a), self._along(self.c, a)
+            measures[FIBRES + 2 * family] = products(stretched, k)
+            measures[FIBRES + 2 * family + 1] = products(area, k)
         self.slots.append(measures)
         return volume
+
+    @staticmethod
+    def _along(series: Sequence[Tensor], a: Tensor) -> list[Tensor]:
+        """Terms of a series of tensors that begins with I, times a direction: (d, …) each."""
+        return [a, *((term * a).sum(1) for term in series)]
 
     def scalars(self, dilation: Coefficient) -> Coefficient:
         """Run the tape for the next order, with θ; return ∂ψ/∂θ."""
@@ -110,6 +122,26 @@ class SeriesOfLaw:
             total = add_product(total, volume[k - j], self.c[j - 1])
             if self.x:
                 total = add_product(total, second[k - j], self.x[j - 1], 2)
+        for family, a in enumerate(self.fibres):
+            total = total + self._of_fibres(family, a, k)
+        return total
+
+    def _of_fibres(self, family: int, a: Tensor, k: int) -> Tensor:
+        """What a family adds to P of the next order: ψ₄ 2 F a ⊗ a + ψ_K 2 F × (cof F a ⊗ a)."""
+        stretch, area = (self._series(FIBRES + 2 * family + i, k) for i in (0, 1))
+        total = torch.zeros_like(self.h[-1])
+        stretched = self._along(self.h, a)
+        for j in range(k + 1):
+            total = add_product(total, stretch[k - j], stretched[j][:, None] * a, 2)
+        dyads = [each[:, None] * a for each in self._along(self.c, a)]
+        crossed = []
+        for n in range(k + 1):  # terms of F × (cof F a ⊗ a)
+            term = trace_minus(dyads[n] + torch.zeros_like(total))
+            for j in range(1, n + 1) if self.d == 3 else ():
+                term = term + cross(self.h[j - 1], dyads[n - j] + torch.zeros_like(total))
+            crossed.append(term)
+        for j in range(k + 1):
+            total = add_product(total, area[k - j], crossed[j], 2)
         return total
 
     def complete(self, h: Tensor, dilation: Coefficient) -> None:
@@ -120,22 +152,22 @@ class SeriesOfLaw:
         if self.x:  # cof(H) × I + I × H
             self.x[-1] = self.x[-1] + trace_minus(trace_minus(h)) + trace_minus(h)
         gains: list[Coefficient] = [2 * of_h, 4 * of_h, of_h, dilation]
-        gains += [None] * (self.law.count - FIBRES)
-        slots = self.slots[-1]
+        for a in self.fibres:
+            along = (a * (h * a).sum(1)).sum(0)
+            gains += [2 * along, 2 * (of_h * (a * a).sum(0) - along)]
+        self._gains, slots = gains, self.slots[-1]
         for number, slopes in enumerate(self.slopes):
             for slope, gain in zip(slopes, gains, strict=True):
                 if slope and gain is not None:
                     slots[number] = sum_of(slots[number], slope * gain)
 
-    def pressure_gain(self, dilation: Coefficient, of_h: Tensor) -> Tensor:
-        """What ∂ψ/∂θ gains by H, with what θ gains."""
+    def pressure_gain(self) -> Tensor:
+        """What ∂ψ/∂θ of the order that was completed gains by H."""
+        total: Coefficient = None
         slot = int(self.law.stress.outputs[DILATION])
-        if slot < 0 or dilation is None:
-            return torch.zeros_like(of_h)
-        slopes = self.slopes[slot]
-        return (2 * slopes[FIRST] + 4 * slopes[SECOND] + slopes[VOLUME]) * of_h + slopes[
-            DILATION
-        ] * dilation
+        for slope, gain in zip(self.slopes[slot], self._gains, strict=True) if slot >= 0 else ():
+            total = sum_of(total, None if gain is None else times(slope, gain))
+        return torch.zeros_like(self.h[-1][0, 0]) if total is None else total
 
     def _series(self, measure: int, k: int) -> list[Any]:
         """ψ_a of the orders 0 to k, with the pressure in that by J: a number, then coefficients."""
@@ -265,6 +297,14 @@ def convolution(a: Sequence[Tensor], b: Sequence[Tensor], k: int) -> Tensor:
     return sum(
         (contraction(a[j - 1], b[k - j - 1]) for j in range(1, k)),
         start=torch.zeros_like(a[0][0, 0]) if a else torch.zeros(()),
+    )
+
+
+def products(terms: Sequence[Tensor], k: int) -> Tensor:
+    """Term k of |x|², of terms of a series of vectors from order 0 on: (d, …) → (…)."""
+    return sum(
+        ((terms[j] * terms[k - j]).sum(0) for j in range(1, k + 1)),
+        start=(terms[0] * terms[k]).sum(0),
     )
 
 

@@ -252,6 +252,7 @@ CALLS: dict[str, Call] = {
         g["forces"], None, g["displacements"]
     ),
     "Surrogate.mean_and_last_term": lambda w, g: w.model.mean_and_last_term(g["forces"]),
+    "Surrogate.responses": lambda w, g: w.model.responses(g["forces"], None, g["forces"]),
     "Surrogate.descend": lambda w, g: w.model.descend(
         g["force"], None, g["displacement"], Aim(1e-6)
     ),

@@ -68,6 +68,11 @@ class Law:
     energy: Tape
 
     @property
+    def families(self) -> int:
+        """Number of the families of fibres."""
+        return (self.count - FIBRES) // 2
+
+    @property
     def pairs(self) -> list[tuple[int, int]]:
         """Measures (a, b) of the second derivatives."""
         return list(combinations_with_replacement(range(self.count), 2))
@@ -123,10 +128,8 @@ def law_of(material: Material, dimension: int, projected: bool = False) -> Law:
     law = Law(count, Tape.of(first, measures), Tape.of([energy, *first, *second], measures))
     if projected or families:
         return law
-    # What rounding errors leave of the stress of the undeformed body is taken from it.
-    by_i1, by_i2, by_j, *_ = law.stress(law.at_rest)
+    # What rounding errors leave of the energy and stress of the undeformed body is taken from them.
+    rest, by_i1, by_i2, by_j, *_ = law.energy(law.at_rest)
     left = float(2 * by_i1 + (4 * by_i2 if dimension == 3 else 0.0) + by_j)
-    if left == 0:
-        return law
-    stress, whole = law.stress.shifted(VOLUME, -left), law.energy.shifted(1 + VOLUME, -left)
-    return Law(count, stress, whole)
+    whole = law.energy.shifted(0, -float(rest)).shifted(1 + VOLUME, -left)
+    return Law(count, law.stress.shifted(VOLUME, -left), whole)

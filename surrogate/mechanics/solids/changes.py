@@ -75,7 +75,7 @@ def _second_changes(
 
 def _slopes(points: Points, law: Law, h: Tensor, dilation: Tensor | None) -> Tensor:
     """Changes of ∂W/∂θ: (n, d, d, n_cells, N, n_points) → (n, n_cells, N, n_points)."""
-    state = points.state()
+    state = points.state(law)
     outputs = law.energy(state.measures, torch)
     assert dilation is not None
     return torch.stack(
@@ -88,7 +88,7 @@ def _slopes(points: Points, law: Law, h: Tensor, dilation: Tensor | None) -> Ten
 
 def _changes(points: Points, law: Law, h: Tensor, dilation: Tensor | None) -> Tensor:
     """δP at fixed p: (n, d, d, n_cells, N, n_points) → same."""
-    state = points.state()
+    state = points.state(law)
     outputs = law.energy(state.measures, torch)
     first = with_pressure_of(outputs[1 : 1 + law.count], points)
     found = []

@@ -124,8 +124,9 @@ class Deformation:
                 a = self._fibres[family]
                 if is_area:
                     change = _times(cross(self.f, h), a)
-                    part = 2 * cross(h, _dyad(self._areas[family], a))
-                    part = part + 2 * cross(self.f, _dyad(change, a))
+                    part = 2 * cross(self.f, _dyad(change, a))
+                    if len(h) == 3:  # in the plane cofactors are linear
+                        part = part + 2 * cross(h, _dyad(self._areas[family], a))
                 else:
                     part = 2 * _dyad(_times(h, a), a)
             total = total + factor * part

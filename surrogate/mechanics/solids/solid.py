@@ -49,20 +49,25 @@ class Points(NamedTuple):
     f : Tensor, (d, d, n_cells, N, n_points)
     dilation, pressure : Tensor, (n_cells, N, n_points), or None
         θ, and p in Pa.
+    fibres : Tensor, (families, d, n_cells, 1, 1), or None
+        Unit directions.
     """
 
     f: Tensor
     dilation: Tensor | None = None
     pressure: Tensor | None = None
+    fibres: Tensor | None = None
 
     def of(self, cells: NDArray[np.int64]) -> Points:
         """Those of some cells."""
-        some = (None if each is None else each[cells] for each in self[1:])
-        return Points(self.f[:, :, cells], *some)
+        some = (None if each is None else each[cells] for each in (self.dilation, self.pressure))
+        fibres = None if self.fibres is None else self.fibres[:, :, cells]
+        return Points(self.f[:, :, cells], *some, fibres)
 
-    def state(self) -> Deformation:
-        """The deformation there."""
-        return Deformation(self.f, self.dilation)
+    def state(self, law: Law) -> Deformation:
+        """The deformation there, as the measures of a law ask for it."""
+        fibres = None if self.fibres is None else self.fibres[: law.families]
+        return Deformation(self.f, self.dilation, fibres)
 
 
 class Solid(nn.Module):
@@ -81,6 +86,8 @@ class Solid(nn.Module):
     material : ShippedMaterial, or tuple of some
     parts : array of int, (n_cells,), optional
         Position of each cell's material in the tuple.
+    fibres : array, (n_cells, families, d), optional
+        Unit directions of fibres, which materials with some need.
 
     Attributes
     ----------
@@ -95,6 +102,7 @@ class Solid(nn.Module):
     cells: Tensor
     gradients: Tensor
     volumes: Tensor
+    fibres: Tensor | None
     _order: Tensor
     projects = False
 
@@ -105,6 +113,7 @@ class Solid(nn.Module):
         cell_type: str,
         material: Materials,
         parts: NDArray[np.int64] | None = None,
+        fibres: NDArray[np.float64] | None = None,
     ) -> None:
         super().__init__()
         gradients, volumes = cell_gradients(coordinates, cells, cell_type)
@@ -117,6 +126,13 @@ class Solid(nn.Module):
             self.members = [np.flatnonzero(parts == i) for i in range(len(self.materials))]
             order = torch.from_numpy(np.argsort(np.concatenate(self.members)))
             self.register_buffer("_order", order, persistent=False)
+        families = max(material.family_count for material in self.materials)
+        if families > (0 if fibres is None else fibres.shape[1]):
+            raise ValueError("a material has fibres, whose directions are missing")
+        directions = None
+        if fibres is not None and families:
+            directions = torch.tensor(fibres).permute(1, 2, 0)[..., None, None].contiguous()
+        self.register_buffer("fibres", directions, persistent=False)
         self.register_buffer("cells", torch.tensor(cells), persistent=False)
         self.register_buffer("gradients", torch.from_numpy(gradients), persistent=False)
         self.register_buffer("volumes", torch.from_numpy(volumes), persistent=False)
@@ -190,7 +206,8 @@ class Solid(nn.Module):
 
     def at(self, f: Tensor) -> Points:
         """The same at given F."""
-        return Points(f, self.projected(determinant(f)) if self.projects else None)
+        dilation = self.projected(determinant(f)) if self.projects else None
+        return Points(f, dilation, fibres=self.fibres)
 
     def with_pressure(self, points: Points) -> Points:
         """The same with p, if the elements have it."""
@@ -269,12 +286,12 @@ def _inside(j: Tensor) -> Tensor:
 
 def density_at(points: Points, law: Law) -> Tensor:
     """W in J/m³."""
-    return points.state().energy(law)
+    return points.state(law).energy(law)
 
 
 def _slope(points: Points, law: Law) -> Tensor:
     """∂W/∂θ in Pa."""
-    state = points.state()
+    state = points.state(law)
     return torch.zeros_like(state.j) + law.stress(state.measures, torch)[DILATION]
 
 
@@ -287,13 +304,13 @@ def with_pressure_of(first: list[Tensor], points: Points) -> list[Tensor]:
 
 def stress_at(points: Points, law: Law) -> Tensor:
     """P in Pa."""
-    state = points.state()
+    state = points.state(law)
     return state.stress(with_pressure_of(law.stress(state.measures, torch), points))
 
 
 def _moduli(points: Points, law: Law) -> Tensor:
     """∂P/∂F in Pa at fixed θ and p."""
-    state = points.state()
+    state = points.state(law)
     outputs = law.energy(state.measures, torch)
     outputs[1 : 1 + law.count] = with_pressure_of(outputs[1 : 1 + law.count], points)
     return moduli_of(state, law, outputs)
@@ -301,7 +318,7 @@ def _moduli(points: Points, law: Law) -> Tensor:
 
 def mixed(points: Points, law: Law) -> Tensor:
     """∂²W/∂F∂θ in Pa: (d, d, n_cells, N, n_points)."""
-    state = points.state()
+    state = points.state(law)
     second = law.second(law.energy(state.measures, torch))
     factors = [second.get((min(a, DILATION), max(a, DILATION)), 0.0) for a in range(law.count)]
     return state.stress(factors)
@@ -309,6 +326,6 @@ def mixed(points: Points, law: Law) -> Tensor:
 
 def curvature(points: Points, law: Law) -> Tensor:
     """∂²W/∂θ² in Pa: (n_cells, N, n_points)."""
-    state = points.state()
+    state = points.state(law)
     second = law.second(law.energy(state.measures, torch))
     return torch.zeros_like(state.j) + second.get((DILATION, DILATION), 0.0)

@@ -46,8 +46,9 @@ class TaylorHoodSolid(Solid):
         cell_type: str,
         material: Materials,
         parts: NDArray[np.int64] | None = None,
+        fibres: NDArray[np.float64] | None = None,
     ) -> None:
-        super().__init__(coordinates, cells, cell_type, material, parts)
+        super().__init__(coordinates, cells, cell_type, material, parts, fibres)
         points, _ = quadratic_quadrature(cell_type)
         shapes = np.concatenate([1 - points.sum(axis=1, keepdims=True), points], axis=1)
         corners = cells[:, : shapes.shape[1]]
@@ -93,7 +94,7 @@ class TaylorHoodSolid(Solid):
         d = self.gradients.shape[3]
         rest = self.deformation_gradient(self.gradients.new_zeros(1, self.nodes, d))
         laws = [law_of(material, d) for material in self.materials]
-        of_displacements = self.tangents_at(Points(rest), laws)
+        of_displacements = self.tangents_at(Points(rest, fibres=self.fibres), laws)
         more = 2 * self.corners.shape[1]
         return torch.nn.functional.pad(of_displacements, (0, more, 0, more))
 
