@@ -172,6 +172,7 @@ def tool(given: Given, lower: float = 0.0) -> Sphere:
 Call = Callable[[World, Given], Any]
 OF_MODELS = ["blocks", "equilibrium", "fast_certificate", "fast_estimate"]
 OF_MODELS += ["has_series", "is_probabilistic", "is_stochastic", "precision", "run", "stressed"]
+OF_MODELS += ["is_response_alone"]
 OF_GEOMETRIES = ["dimension", "free", "free_mask", "held", "loaded_body", "movable", "no_pressure"]
 OF_GEOMETRIES += ["surface_facets", "surface_nodes", "surfaces", "tip"]
 OF_GEOMETRIES += ["free_at_points", "loaded_points", "points_between", "pressed_points"]

@@ -60,9 +60,13 @@ class Points(NamedTuple):
 
     def of(self, cells: NDArray[np.int64]) -> Points:
         """Those of some cells."""
-        some = (None if each is None else each[cells] for each in (self.dilation, self.pressure))
-        fibres = None if self.fibres is None else self.fibres[:, :, cells]
-        return Points(self.f[:, :, cells], *some, fibres)
+        dilation, pressure, fibres = self.dilation, self.pressure, self.fibres
+        return Points(
+            self.f[:, :, cells],
+            None if dilation is None else dilation[cells],
+            None if pressure is None else pressure[cells],
+            None if fibres is None else fibres[:, :, cells],
+        )
 
     def state(self, law: Law) -> Deformation:
         """The deformation there, as the measures of a law ask for it."""

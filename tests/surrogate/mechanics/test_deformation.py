@@ -188,12 +188,32 @@ def test_uniform_stretch_has_one_stress(material: ShippedMaterial) -> None:
     np.testing.assert_allclose(s, s.T, atol=1e-9)  # no couple
 
 
-def test_fibres_are_refused() -> None:
-    """Their directions are not known here, and without them the energy would be another."""
-    keys = {"c10": 1.0, "k1": 1.0, "k2": 1.0, "bulk_modulus": 1.0, "fibres": ((1.0, 0.0),)}
-    artery = HolzapfelGasserOgden.model_validate(keys)
-    with pytest.raises(InputError, match="'holzapfel_gasser_ogden': expected one without fibres"):
-        energy_density(gradients(2), artery)
+@pytest.mark.parametrize("d", [2, 3])
+def test_fibres(d: int) -> None:
+    """Central differences of W and P of two families; without directions it is an error."""
+    artery = HolzapfelGasserOgden(
+        c10=60, k1=90, k2=2, kappa=0.1, bulk_modulus=300, fibres=((0.8, 0.6), (1.0, 0.0))
+    )
+    geometry = box("quad" if d == 2 else "hexahedron")
+    mesh = geometry.coordinates, geometry.cells, geometry.cell_type
+    with pytest.raises(ValueError, match="has fibres, whose directions are missing"):
+        Solid(*mesh, artery)
+    noise = np.random.default_rng(0).normal(size=(len(geometry.cells), 2, d))
+    solid = Solid(*mesh, artery, fibres=noise / np.linalg.norm(noise, axis=2, keepdims=True))
+    u, v = (
+        torch.from_numpy(0.02 * np.random.default_rng(i).normal(size=(1, *mesh[0].shape)))
+        for i in (1, 2)
+    )
+    h = 1e-6
+    work = (solid.internal_forces(u) * v).sum()
+    energies = [solid.energy(u + sign * h * v) for sign in (1, -1)]
+    torch.testing.assert_close(work, ((energies[0] - energies[1]) / (2 * h))[0], rtol=1e-6, atol=0)
+    found = torch.zeros_like(u)
+    dofs = v[:, solid.cells].flatten(2)
+    products = torch.einsum("ncij,ncj->nci", solid.cell_tangents(u), dofs)
+    found.index_add_(1, solid.cells.flatten(), products.reshape(1, -1, d))
+    upward, downward = (solid.internal_forces(u + sign * h * v) for sign in (1, -1))
+    torch.testing.assert_close(found, (upward - downward) / (2 * h), rtol=1e-5, atol=1e-5)
 
 
 @pytest.mark.parametrize(

@@ -78,7 +78,7 @@ def test_errors_are_of_sixth_order(run: Path) -> None:
 
 
 def test_other_materials_have_their_series(data: Path, tmp_path: Path) -> None:
-    """Five terms are the equilibrium, whose linear response is off by percents."""
+    """Five terms are the equilibrium, whose linear response is off by 0.7 %."""
     yeoh = {"model": "yeoh", "c10": 80.0, "c20": 4.0, "c30": 0.1, "bulk_modulus": 800.0}
     model = surrogate.train("series", body_of(data, tmp_path / "body", yeoh), tmp_path / "run")
     forces = forces_of(model, 0.5)
@@ -87,7 +87,7 @@ def test_other_materials_have_their_series(data: Path, tmp_path: Path) -> None:
     linear = Equilibrium(model.geometry, model.description.data.material).linear_response(forces)
     largest = np.abs(expected).max()
     assert np.abs(found - expected).max() < 1e-4 * largest
-    assert np.abs(linear - expected).max() > 1e-2 * largest
+    assert np.abs(linear - expected).max() > 5e-3 * largest
     np.testing.assert_array_equal(model.solve(forces[0]).displacement, model.predict(forces[0]))
     np.testing.assert_array_equal(model.averaged_passes(forces).mean, found)
 
