@@ -98,8 +98,10 @@ def mesh_of_abaqus(path: Path) -> RawMesh:
     ValueError
         If the file holds what is not read, with the number of its line, or the mesh is unfit.
     """
-    model = _Model()
-    for keyword in _keywords(path.read_text(errors="replace")):
+    model, text = _Model(), path.read_text(errors="replace")
+    if "written by meshio" in text:  # which names plane quadrilaterals so
+        text = re.sub(r"TYPE=CAX(\d)\w*", r"TYPE=CPE\1", text)
+    for keyword in _keywords(text):
         try:
             model.take(keyword)
         except (ValueError, KeyError, IndexError) as error:
