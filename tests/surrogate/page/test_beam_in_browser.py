@@ -113,7 +113,7 @@ def test_typed_load_estimate_and_command(
     assert words[-1] == "prediction.npz"
     assert main([*words[1:-1], str(out)]) == 0
     with np.load(out) as file, np.load(page.saved("npz", tmp_path)) as saved:
-        assert set(saved) | {"predicted"} == {*file, "estimated_error"}
+        assert {*saved, "predicted"} == {*file, "predicted", "estimated_error"}
         for name in ("coordinates", "force"):
             np.testing.assert_array_equal(saved[name], file[name])
         largest = np.abs(file["displacement"]).max()

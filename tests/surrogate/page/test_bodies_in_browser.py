@@ -57,10 +57,10 @@ def test_page_of_a_series_predicts_what_the_program_does(
         page.load(int(nodes[-1]), 2.0 * factor, -3.0 * factor, 1.0 * factor)
         error, settled = page.certificate()
         plain = model.predict(page.forces)
-        expected = model.solve(page.forces, tolerance=5e-3).displacement  # takes a direction always
+        expected = model.solve(page.forces, tolerance=5e-3).displacement  # a small load takes none
         size = np.abs(expected).max()
         assert settled
-        assert np.abs(plain - expected).max() > before * size
+        assert np.abs(plain - expected).max() >= before * size
         assert np.abs(page.field("displacement") - expected).max() < apart * size
         assert np.abs(error).max() < 5e-3 * size
     assert "--tolerance 0.005 " in page.text("#panel code")
