@@ -181,7 +181,8 @@ class TrainedNetwork(TrainedBody):
         budget : float, optional
             Seconds that the directions of each load may take, after its prediction.
         pressure : array, (n_surfaces,) or (N, n_surfaces)
-            As that of `Surrogate.certify`, beside a tolerance or a budget only.
+            As that of `Surrogate.certify`, beside a tolerance or a budget, or of a load series that
+            follows the surface; by default the pressures that the forces tell.
         nodes : "surface", name of a group of nodes, or array of int, optional
             Nodes whose displacements are wanted, all by default. A reduced network on a large body
             computes no others.
@@ -199,7 +200,8 @@ class TrainedNetwork(TrainedBody):
             for a body whose equilibrium the learner does not compute.
         """
         require_time()
-        aim = given_aim(tolerance, budget, pressure)
+        follows = self._body_series is not None  # without directions as well
+        aim = given_aim(tolerance, budget, None if follows else pressure)
         wanted = None if nodes is None else self.geometry.nodes_of(nodes)
         if isinstance(forces, Tensor):
             found = self._predicted_tensor(forces, aim, pressure)
