@@ -400,7 +400,7 @@ class Surrogate(TrainedNetwork):
         """Return given displacements, checked; predict them if they are not given."""
         nodal = loads[..., : len(self.geometry.coordinates), :]
         if predicted is None:
-            return self._mean(nodal)
+            return self._mean(loads)
         displacement = real_numbers(predicted, "predicted displacements")
         if displacement.shape != nodal.shape:
             raise InputError(f"predicted has shape {displacement.shape}, expected {nodal.shape}")

@@ -212,10 +212,9 @@ class TrainedNetwork(TrainedBody):
         if aim is not None:
             driven = self._driven(loads, aim, pressure)
             return driven if wanted is None else driven[..., wanted, :]
-        if self._body_series is not None:
-            mean, _ = self.responses(*self._told_apart(loads, pressure), nodal)
-            return mean if wanted is None else mean[..., wanted, :]
-        return self._mean(nodal) if wanted is None else self._mean_at(nodal, wanted)
+        if wanted is None:
+            return self._mean(loads, pressure)
+        return self._mean_at(loads, wanted, pressure)
 
     def _predicted_tensor(
         self, forces: Tensor, aim: Aim | None, pressure: ArrayLike | None
@@ -230,25 +229,30 @@ class TrainedNetwork(TrainedBody):
                 "tolerance and budget: directions have no gradients, expected forces without"
             )
         if not differentiable:
-            found = self._mean(nodal) if aim is None else self._driven(loads, aim, pressure)
+            if aim is None:
+                found = self._mean(loads, pressure)
+            else:
+                found = self._driven(loads, aim, pressure)
             return torch.from_numpy(found).to(forces.device, kind)
         samples = forces[..., : nodal.shape[-2], :].reshape(-1, *nodal.shape[-2:])
         mean = self._batched.mean(samples.to(self.network.free.device), PASSES, 0)
         return mean.reshape(nodal.shape).to(forces.device)
 
-    def _mean(self, nodal: Array) -> Array:
-        """Predict without warnings."""
+    def _mean(self, loads: Array, pressure: ArrayLike | None = None) -> Array:
+        """Predict without warnings, at the nodes; a load series looks at all of the loads."""
+        nodal = loads[..., : len(self.geometry.coordinates), :]
         if self._body_series is not None:
-            return self.responses(*self._told_apart(nodal, None), nodal)[0]
+            return self.responses(*self._told_apart(loads, pressure), nodal)[0]
         return self.mean_and_last_term(nodal)[0]
 
-    def _mean_at(self, nodal: Array, nodes: NDArray[np.int64]) -> Array:
-        """Predict at some nodes alone: (n_nodes, d) or (N, n_nodes, d) → (n, d) or (N, n, d)."""
+    def _mean_at(self, loads: Array, nodes: NDArray[np.int64], pressure: ArrayLike | None) -> Array:
+        """Predict at some nodes alone: (n, d) or (N, n, d)."""
         from surrogate.one_load.some_nodes import SomeNodes
 
+        nodal = loads[..., : len(self.geometry.coordinates), :]
         one_load, some = self._one_load, self._some_nodes
         if one_load is None or not SomeNodes.fits(one_load):
-            return self._mean(nodal)[..., nodes, :]
+            return self._mean(loads, pressure)[..., nodes, :]
         if some is None or some.one_load is not one_load or not np.array_equal(some.nodes, nodes):
             some = self._some_nodes = SomeNodes(one_load, nodes)
         found = some(nodal.reshape(-1, *nodal.shape[-2:]))

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 import yaml
 
 import surrogate
@@ -70,3 +71,5 @@ def test_muscle_under_pressure(tmp_path: Path) -> None:
     assert y == pytest.approx(0.5, abs=1e-6)
     assert 4.14 < z < 4.20
     np.testing.assert_allclose(model.predict(load), found, atol=1e-9)
+    of_tensor = model.predict(torch.from_numpy(load / 4), pressure=[1.0])
+    np.testing.assert_array_equal(of_tensor.numpy(), model.predict(load / 4, pressure=[1.0]))
