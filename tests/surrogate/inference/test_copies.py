@@ -37,17 +37,22 @@ def answers(model: Surrogate) -> Array:
         )
 
 
+def assert_same(found: Array, expected: Array) -> None:
+    """To rounding: vectorised sums depend on where an array begins in memory."""
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_copies_predict_the_same(name: str) -> None:
-    """Bit by bit, of a network that has not predicted and of one that has."""
+    """Of a network that has not predicted and of one that has."""
     model = load(name)
     fresh = pickle.dumps(model)
     expected = answers(model)
     assert np.abs(expected).max() > 0
     for other in (pickle.loads(fresh), pickle.loads(pickle.dumps(model)), copy.deepcopy(model)):
         assert repr(other) == repr(model)
-        np.testing.assert_array_equal(answers(other), expected)
+        assert_same(answers(other), expected)
 
 
 @pytest.mark.slow
@@ -56,4 +61,4 @@ def test_another_process_predicts_the_same() -> None:
     models = [load("beam3d_any_reduced"), load("beam2d_any")]
     with multiprocessing.get_context("spawn").Pool(1) as pool:
         for model, found in zip(models, pool.map(answers, models), strict=True):
-            np.testing.assert_array_equal(found, answers(model))
+            assert_same(found, answers(model))
