@@ -35,6 +35,7 @@ PROGRAMS = {  # in whose environment a benchmark is measured
     "load-series": "surrogate",
     "manufactured": "datagen",
     "mechanical-mnist": "datagen",
+    "normalisation": "surrogate",
     "one-load": "surrogate",
     "page": "surrogate",
     "prediction": "surrogate",

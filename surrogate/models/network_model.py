@@ -7,7 +7,7 @@ from typing import Self
 
 import torch
 from pydantic import Field, model_validator
-from torch import nn
+from torch import Tensor, nn
 
 from surrogate.models.model import TrainedModel
 from surrogate.models.training_config import RecalibratedTraining
@@ -47,17 +47,17 @@ class NetworkModel(TrainedModel):
             )
         return self
 
-    def members(self, dimension: int) -> nn.Module:
+    def members(self, free: Tensor) -> nn.Module:
         """Build the network, or the ensemble; member 0 has the weights of a single network."""
         networks = []
         for number in range(self.ensemble):
             torch.manual_seed(stream(self.seed, INITIAL_WEIGHTS, *((number,) if number else ())))
-            networks.append(self.member(dimension, number))
+            networks.append(self.member(free, number))
         return Ensemble(networks) if self.ensemble > 1 else networks[0]
 
     @abstractmethod
-    def member(self, dimension: int, number: int) -> nn.Module:
-        """Build one network in d dimensions, given its number in the ensemble."""
+    def member(self, free: Tensor, number: int) -> nn.Module:
+        """Build one network on a grid, (nx, ny[, nz]), given its number in the ensemble."""
 
     @property
     def predicts_std(self) -> bool:

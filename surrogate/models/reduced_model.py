@@ -72,9 +72,9 @@ class ReducedModel(NetworkModel):
 
     def make_network(self, dimension: int, free: Tensor) -> nn.Module:
         """Build the network; its modes are empty until `start_from_data`."""
-        return ReducedNetwork(self.members(dimension), self.network, dimension, free)
+        return ReducedNetwork(self.members(free), self.network, dimension, free)
 
-    def member(self, dimension: int, number: int) -> nn.Module:
+    def member(self, free: Tensor, number: int) -> nn.Module:
         """Build one dense network."""
         outputs = output_channels(self.likelihood, self.network.output_modes)
         return DenseNetwork(self.network, outputs, self.random_layers)

@@ -124,12 +124,13 @@ class UNetModel(NetworkModel):
 
     def make_network(self, dimension: int, free: Tensor) -> nn.Module:
         """Build the U-Net, or the ensemble: (N, d, *grid) → (K·N, d or 2d, *grid)."""
-        return self.members(dimension)
+        return self.members(free)
 
-    def member(self, dimension: int, number: int) -> UNet:
+    def member(self, free: Tensor, number: int) -> UNet:
         """Build one U-Net."""
-        outputs = output_channels(self.likelihood, dimension)
-        return UNet(dimension, outputs, self.network, self.random_convolutions, number)
+        outputs, last_axis = output_channels(self.likelihood, free.ndim), free.shape[-1]
+        convolutions = self.random_convolutions
+        return UNet(free.ndim, outputs, self.network, convolutions, number, last_axis)
 
     @property
     def has_dropout(self) -> bool:
@@ -149,6 +150,8 @@ class UNetModel(NetworkModel):
         growth = GROWTH.get(network.multiplier, f"×{network.multiplier}")
         activation = ACTIVATIONS.get(network.activation, network.activation)
         norm = ", batch norm" if network.batch_norm else ""
+        norm += " of the last axis" if network.batch_norm == "last_axis" else ""
+        norm += f", group norm ({network.group_norm})" if network.group_norm else ""
         shape = f"{network.levels} levels, c = {network.channels}"
         linear = ", linear response" if network.needs_linear_response else ""
         linear = ", load series" if network.skip == "series" else linear

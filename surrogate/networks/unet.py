@@ -1,7 +1,7 @@
 """The U-Net of Deshpande et al. (2022), Section 2.2, in two and three dimensions.
 
-The grid is padded with zeros. Every level has two 3×3(×3) convolutions, each with batch
-normalisation and an activation. The encoder coarsens by 2×2(×2) max pooling. The decoder refines by
+The grid is padded with zeros. Every level has two 3×3(×3) convolutions, each with a normalisation
+and an activation. The encoder coarsens by 2×2(×2) max pooling. The decoder refines by
 nearest-neighbour up-sampling by 2 and concatenates the encoder's output of the same level. The last
 layer is a 1×1(×1) convolution without activation.
 """
@@ -20,11 +20,11 @@ from torch.nn import functional
 from shared_schema.common.configuration import Frozen
 from surrogate.networks.activations import ACTIVATIONS, Activation
 from surrogate.networks.inputs import Input, channels_of
+from surrogate.networks.normalisation import OVER_CHANNELS, BatchNorm, LastAxisNorm
 from surrogate.probabilistic.dropout import ChannelDropout
 from surrogate.probabilistic.flipout import FlipoutConvolution, VariationalConvolutions
 
 CONVOLUTIONS: dict[int, type[nn.Conv2d | nn.Conv3d]] = {2: nn.Conv2d, 3: nn.Conv3d}
-BATCH_NORMS = {2: nn.BatchNorm2d, 3: nn.BatchNorm3d}
 POOLINGS = {2: nn.MaxPool2d, 3: nn.MaxPool3d}
 Transform = Literal["linear", "asinh", "saturating"]
 
@@ -63,8 +63,19 @@ class UNetConfig(Frozen):
         Number of rows of zeros around the grid on every side.
     activation : {"relu", "gelu", "silu"}
         Function after every convolution but the last.
-    batch_norm : bool
-        Normalise every convolution's output over the batch.
+    batch_norm : bool, "channels" or "last_axis"
+        Normalise every convolution's output over the batch: each channel (true is the same), or
+        each row of the grid along its last axis, as Keras does with channels that come first.
+    batch_norm_momentum : float
+        Share of a batch in the running means that predictions use; Keras has 0.01.
+    batch_norm_epsilon : float
+        Added to variances; Keras has 1e-3.
+    group_norm : int
+        Number of groups of channels that are normalised in every sample, instead of `batch_norm`;
+        1 is layer normalisation, 0 none.
+    initialisation : {"he", "glorot"}
+        Distribution of the first kernels: normal by He et al. (2015), or uniform by Glorot and
+        Bengio (2010).
     inputs : tuple of {"force", "linear_gradient", "last_gradient"}
         Input channels of the first convolution: the d components of the force, as in the paper, the
         d² components of the displacement gradient of the linear response K⁻¹ f, and those of the
@@ -90,7 +101,11 @@ class UNetConfig(Frozen):
     multiplier: int = Field(2, ge=1, le=8)
     padding: int = Field(2, ge=0, le=64)
     activation: Activation = "relu"
-    batch_norm: bool = True
+    batch_norm: BatchNorm = True
+    batch_norm_momentum: float = Field(0.1, gt=0, le=1)
+    batch_norm_epsilon: float = Field(1e-5, gt=0, le=1)
+    group_norm: int = Field(0, ge=0, le=4096)
+    initialisation: Literal["he", "glorot"] = "he"
     inputs: tuple[Input, ...] = Field(("force",), min_length=1)
     skip: Literal["none", "linear", "series"] = "none"
     series_order: int = Field(3, ge=2, le=20)
@@ -112,6 +127,19 @@ class UNetConfig(Frozen):
         if "force" not in self.inputs and self.force_transforms != ("linear",):
             raise ValueError(
                 f"force_transforms = {list(self.force_transforms)}: expected with input 'force'"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _one_norm(self) -> Self:
+        if self.group_norm and self.batch_norm:
+            raise ValueError(
+                f"group_norm = {self.group_norm}, batch_norm = {self.batch_norm}: expected one of "
+                "them (batch_norm = false)"
+            )
+        if self.group_norm and self.channels % self.group_norm:
+            raise ValueError(
+                f"group_norm = {self.group_norm}: expected a divisor of channels = {self.channels}"
             )
         return self
 
@@ -144,9 +172,35 @@ class UNetConfig(Frozen):
         """Return the number of channels of every level, finest first."""
         return [self.channels * self.multiplier**level for level in range(self.levels)]
 
+    def padded(self, length: int) -> int:
+        """Return the number of points of an axis with zeros, which every level halves evenly."""
+        whole, coarsest = length + 2 * self.padding, 2 ** (self.levels - 1)
+        return whole + -whole % coarsest
+
+    def norm(self, dimension: int, channels: int, length: int | None) -> nn.Module | None:
+        """Build a normalisation of some channels.
+
+        Parameters
+        ----------
+        dimension : int
+        channels : int
+        length : int, optional
+            Of the level's grid along its last axis; needed with `batch_norm: last_axis`.
+        """
+        if self.group_norm:
+            return nn.GroupNorm(self.group_norm, channels)
+        constants = self.batch_norm_momentum, self.batch_norm_epsilon
+        if self.batch_norm == "last_axis":
+            assert length is not None
+            return LastAxisNorm(dimension, length, *constants)
+        if not self.batch_norm:
+            return None
+        momentum, epsilon = constants
+        return OVER_CHANNELS[dimension](channels, epsilon, momentum)
+
 
 class DoubleConvolution(nn.Sequential):
-    """Two 3×3(×3) convolutions that keep the grid's size, each with batch norm and activation.
+    """Two 3×3(×3) convolutions that keep the grid's size, each with norm and activation.
 
     `probabilistic` returns the configuration of the random weights of convolution 1 or 2; None if
     its weights are deterministic.
@@ -159,14 +213,16 @@ class DoubleConvolution(nn.Sequential):
         outputs: int,
         config: UNetConfig,
         probabilistic: Callable[[int], VariationalConvolutions | None],
+        length: int | None,
     ) -> None:
         layers: list[nn.Module] = []
         for number, channels in enumerate((inputs, outputs), start=1):
-            kernel = start_as_he(CONVOLUTIONS[dimension](channels, outputs, 3, padding=1))
+            kernel = CONVOLUTIONS[dimension](channels, outputs, 3, padding=1)
+            INITIALISATIONS[config.initialisation](kernel)
             variational = probabilistic(number)
             layers.append(FlipoutConvolution(kernel, variational) if variational else kernel)
-            if config.batch_norm:
-                layers.append(BATCH_NORMS[dimension](outputs))
+            norm = config.norm(dimension, outputs, length)
+            layers += [] if norm is None else [norm]
             layers.append(ACTIVATIONS[config.activation]())
         if config.dropout:
             layers.append(ChannelDropout(outputs, config.dropout))
@@ -187,6 +243,8 @@ class UNet(nn.Module):
         Choice of the convolutions with random weights; without it all weights are deterministic.
     member : int
         Number of the network in an ensemble, from 0.
+    last_axis : int, optional
+        Number of points of the grid along its last axis; needed with `batch_norm: last_axis`.
     """
 
     def __init__(
@@ -196,20 +254,24 @@ class UNet(nn.Module):
         config: UNetConfig,
         variational: VariationalConvolutions | None = None,
         member: int = 0,
+        last_axis: int | None = None,
     ) -> None:
         super().__init__()
-        self.dimension, self.padding = dimension, config.padding
+        self.dimension, self.config = dimension, config
         self.inputs = channels_of(config.inputs, dimension)
         transforms = config.force_transforms
         self.transform = TRANSFORMS[transforms[member % len(transforms)]]
-        self.coarsening = 2 ** (config.levels - 1)
         channels = config.level_channels()
+        whole = None if last_axis is None else config.padded(last_axis)
 
         def double(level: int, inputs: int) -> DoubleConvolution:
             def probabilistic(number: int) -> VariationalConvolutions | None:
                 return variational if variational and variational.covers(level, number) else None
 
-            return DoubleConvolution(dimension, inputs, channels[level], config, probabilistic)
+            length = None if whole is None else whole // 2**level
+            return DoubleConvolution(
+                dimension, inputs, channels[level], config, probabilistic, length
+            )
 
         self.encoder = nn.ModuleList(
             double(level, inputs)
@@ -221,6 +283,8 @@ class UNet(nn.Module):
         )
         self.pool = POOLINGS[dimension](2)
         self.head = CONVOLUTIONS[dimension](channels[0], outputs, kernel_size=1)
+        if config.initialisation == "glorot":
+            start_as_glorot(self.head)
 
     def forward(self, fields: Tensor) -> Tensor:
         """Predict the displacement grid from the input grid, both in scaled units.
@@ -240,7 +304,7 @@ class UNet(nn.Module):
             x = level(torch.cat((x, skipped.pop()), dim=1))
         x = self.head(x)
         for axis, length in enumerate(size, start=2):
-            x = x.narrow(axis, self.padding, length)
+            x = x.narrow(axis, self.config.padding, length)
         return x
 
     def transformed(self, fields: Tensor) -> Tensor:
@@ -257,22 +321,35 @@ class UNet(nn.Module):
         Every level halves the padded lengths without a remainder.
         """
         pads: list[int] = []
+        before = self.config.padding
         for length in reversed(size):
-            padded = length + 2 * self.padding
-            pads += [self.padding, self.padding + -padded % self.coarsening]
+            pads += [before, self.config.padded(length) - length - before]
         return pads
 
 
-def start_as_he(convolution: nn.Conv2d | nn.Conv3d) -> nn.Conv2d | nn.Conv3d:
+def start_as_he(convolution: nn.Conv2d | nn.Conv3d) -> None:
     """Initialise a kernel by He et al. (2015) for ReLU, and its bias with zero."""
     nn.init.kaiming_normal_(convolution.weight, nonlinearity="relu")
+    start_bias(convolution)
+
+
+def start_as_glorot(convolution: nn.Conv2d | nn.Conv3d) -> None:
+    """Initialise a kernel by Glorot and Bengio (2010), uniformly, and its bias with zero."""
+    nn.init.xavier_uniform_(convolution.weight)
+    start_bias(convolution)
+
+
+def start_bias(convolution: nn.Conv2d | nn.Conv3d) -> None:
+    """Initialise the bias with zero."""
     assert convolution.bias is not None
     nn.init.zeros_(convolution.bias)
-    return convolution
+
+
+INITIALISATIONS = {"he": start_as_he, "glorot": start_as_glorot}
 
 
 def normalised_biases(network: nn.Module) -> Iterator[nn.Parameter]:
-    """Biases that batch normalisation takes away again, so that their gradients are zero."""
+    """Biases that a normalisation of channels takes away again: their gradients are zero."""
     for block in network.modules():
         if isinstance(block, DoubleConvolution):
             for layer, following in pairwise(block):
