@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 import torch
 from pydantic import ValidationError
+from torch import nn
 
 from surrogate.networks.normalisation import LastAxisNorm
 from surrogate.networks.unet import UNet, UNetConfig, normalised_biases
@@ -46,9 +47,6 @@ def test_groups() -> None:
     """One group is layer normalisation: a sample's scale is lost, whatever the batch."""
     network = UNet(2, 2, UNetConfig(levels=2, channels=8, batch_norm=False, group_norm=1))
     network.double()
-    for convolution in network.encoder[0]:
-        if isinstance(convolution, torch.nn.Conv2d):
-            torch.nn.init.zeros_(convolution.bias)  # type: ignore[arg-type]
     fields = 1e3 * torch.randn(2, 2, 8, 4, dtype=torch.float64)
     torch.testing.assert_close(network(2 * fields), network(fields), rtol=1e-5, atol=1e-8)
 
@@ -61,8 +59,8 @@ def test_true_is_channels() -> None:
     ]
     assert found[0] == found[1]
     of_keras = UNetConfig(channels=4, batch_norm_momentum=0.01, batch_norm_epsilon=1e-3)
-    norm = UNet(2, 2, of_keras).encoder[0][1]
-    assert (norm.momentum, norm.eps) == (0.01, 1e-3)
+    norms = [each for each in UNet(2, 2, of_keras).modules() if isinstance(each, nn.BatchNorm2d)]
+    assert [(norm.momentum, norm.eps) for norm in norms] == [(0.01, 1e-3)] * 10
 
 
 @pytest.mark.parametrize(
