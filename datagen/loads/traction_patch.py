@@ -62,6 +62,11 @@ class TractionPatch(LoadFamily):
         return ascending(value) if isinstance(value, tuple) else value
 
     @property
+    def acts_between(self) -> bool:
+        """True: patches are integrated over facets."""
+        return True
+
+    @property
     def radii(self) -> tuple[float, float]:
         """Smallest and largest radius, in m."""
         return self.radius if isinstance(self.radius, tuple) else (self.radius, self.radius)

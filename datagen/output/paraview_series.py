@@ -73,7 +73,7 @@ def export(
     InputError
         If there is no intact nodal dataset, it has no such samples, or the file or folder beside
         `out` would replace something that was not exported before; with `stresses`, if the
-        material is a user's own class, which a dataset does not import.
+        dataset has no record of the energy of a user's own material (earlier versions).
     OSError
         If the files cannot be written.
     """

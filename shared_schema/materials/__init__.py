@@ -17,8 +17,8 @@ from shared_schema.materials.isotropic import (
     YoungPoisson,
 )
 from shared_schema.materials.material import LARGEST_MODULUS, Material
-from shared_schema.materials.ogden import Ogden
-from shared_schema.materials.own_material import OwnMaterial
+from shared_schema.materials.ogden import Ogden, trace_of_power
+from shared_schema.materials.own_material import OwnMaterial, RecordedMaterial
 from shared_schema.materials.reading import (
     SHIPPED,
     Materials,
@@ -63,6 +63,7 @@ __all__ = [
     "NeoHookean",
     "Ogden",
     "OwnMaterial",
+    "RecordedMaterial",
     "RubberLike",
     "Scalar",
     "ShippedMaterial",
@@ -78,4 +79,5 @@ __all__ = [
     "materials_of",
     "ratio_at_rest",
     "shipped_material",
+    "trace_of_power",
 ]

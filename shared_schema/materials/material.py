@@ -74,7 +74,7 @@ class Material(Frozen, ABC):
         except (ArithmeticError, ValueError) as error:
             problem = f"energy: {first_line(error)}"
         if problem is not None:
-            known = {"model", "model_sha256", "group"}
+            known = {"model", "model_sha256", "group", "recorded"}
             keys = ", ".join(f"{key} = {value}" for key, value in self if key not in known)
             raise ValueError(f"key 'model' = '{self.model}': {problem} ({keys})")
         return self

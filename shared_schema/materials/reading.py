@@ -15,7 +15,7 @@ from shared_schema.materials.fibres import FibreFile, WithFibres
 from shared_schema.materials.isotropic import NeoHookean, StVenantKirchhoff
 from shared_schema.materials.material import Material
 from shared_schema.materials.ogden import Ogden
-from shared_schema.materials.own_material import OwnMaterial
+from shared_schema.materials.own_material import OwnMaterial, RecordedMaterial, with_record
 from shared_schema.materials.rubber_like import ArrudaBoyce, Gent, MooneyRivlin, Yeoh
 from shared_schema.own_class import import_named
 
@@ -60,12 +60,12 @@ def material_of(content: Any, folder: Path | None = None) -> Material:
             f"the file has {digest}"
         )
     try:
-        built: Material = made.model_validate({**content, "model_sha256": digest})
+        own: OwnMaterial = made.model_validate({**content, "model_sha256": digest})
     except ValidationError as error:
         problem = first_problem(error)
         named = "" if f"'{name}'" in problem else f" (model '{name}')"
         raise ValueError(problem + named) from None
-    return _with_files(built, folder)
+    return _with_files(with_record(own), folder)
 
 
 def _with_files(material: Material, folder: Path | None) -> Material:
@@ -91,7 +91,9 @@ def shipped_material(content: Any) -> Material:
 
 
 def materials_of(content: Any, source: str) -> Materials:
-    """Build the material, or the materials of the groups, that a case configuration names.
+    """Build the material, or the materials of the groups, that the case of a dataset names.
+
+    A user's own ones are those of their recorded energies; no file is imported or read.
 
     Parameters
     ----------
@@ -103,14 +105,24 @@ def materials_of(content: Any, source: str) -> Materials:
     Raises
     ------
     InputError
-        If a material is none of the shipped ones (a user's own class is not imported), or wrong.
+        If a material is none of the shipped ones, nor one with a recorded energy, or is wrong.
     """
     try:
         if isinstance(content, (list, tuple)) and content:
-            return tuple(shipped_material(each) for each in content)
-        return shipped_material(content)
+            return tuple(_stored_material(each) for each in content)
+        return _stored_material(content)
     except ValueError as error:
         raise InputError(f"{source}: {error}") from None
+
+
+def _stored_material(content: Any) -> Material:
+    """Build a material from a dataset's manifest; ValueError as `shipped_material`."""
+    if not (isinstance(content, dict) and ":" in str(content.get("model", ""))):
+        return shipped_material(content)
+    try:
+        return RecordedMaterial.model_validate(content)
+    except ValidationError as error:
+        raise ValueError(first_problem(error)) from None
 
 
 def as_tuple(materials: Materials | Sequence[Material]) -> tuple[Material, ...]:

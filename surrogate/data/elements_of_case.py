@@ -16,7 +16,14 @@ from typing import Any
 
 from shared_schema.common.errors import InputError
 from shared_schema.common.keys.units import Units
-from shared_schema.materials import Materials, RubberLike, ShippedMaterial, ratio_at_rest
+from shared_schema.materials import (
+    Material,
+    Materials,
+    NeoHookean,
+    RubberLike,
+    YoungPoisson,
+    ratio_at_rest,
+)
 from surrogate.data.geometry import Geometry
 
 ELEMENTS = ("linear", "quadratic", "incompressible")
@@ -113,7 +120,7 @@ def body_of_response(
     ----------
     geometry : Geometry
         From `with_elements`.
-    material : ShippedMaterial, or tuple of some
+    material : Material, or tuple of some
     case : mapping
         Configuration of the case.
     series : bool
@@ -127,11 +134,17 @@ def body_of_response(
     return linear, _compressible(material)
 
 
-def _compressible(material: ShippedMaterial) -> ShippedMaterial:
-    """Material of the same shear modulus (of Young's, where named), with a ratio of at most 0.4."""
+def _compressible(material: Material) -> Material:
+    """Material of the same shear modulus (of Young's, where named), with a ratio of at most 0.4.
+
+    A user's own energy, whose moduli have no names, becomes Neo-Hookean.
+    """
     if ratio_at_rest(material) <= LARGEST_RATIO:
         return material
     if isinstance(material, RubberLike):
         bulk = 2 * (1 + LARGEST_RATIO) / (3 * (1 - 2 * LARGEST_RATIO)) * material.lame_mu
         return material.model_copy(update={"bulk_modulus": bulk})
-    return material.model_copy(update={"poisson_ratio": LARGEST_RATIO})
+    if isinstance(material, YoungPoisson):
+        return material.model_copy(update={"poisson_ratio": LARGEST_RATIO})
+    young = 2 * (1 + LARGEST_RATIO) * material.lame_mu
+    return NeoHookean(young_modulus=young, poisson_ratio=LARGEST_RATIO, group=material.group)

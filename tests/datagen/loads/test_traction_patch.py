@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from datagen.cases.case import read_case
+from datagen.cases.placed_body import placed
 from datagen.loads.traction_patch import surface_of
 from shared_schema.common.bodies.facet_quadrature import facet_points
 from tests.datagen.loads.places import family, place
@@ -120,3 +122,19 @@ def test_several_patches_of_random_radius() -> None:
 def test_wrong_radius_and_count(keys: dict[str, object], said: str) -> None:
     with pytest.raises(ValueError, match=said):
         family("traction_patch", range=[-1, 1], **keys)
+
+
+def test_patches_on_quadratic_elements() -> None:
+    """A case draws them as on linear ones: the resultant is the same to 1e-2, the quadrature's."""
+    resultants = []
+    for element in ("linear", "quadratic"):
+        changes = [
+            f"element={element}",
+            "load={family: traction_patch, range: [-3, 3], radius: 0.6}",
+        ]
+        case = read_case("beam2d", changes=changes)
+        body = placed(case, case.mesh.raw_mesh())
+        loads = [body.loads[number] for number in range(5)]
+        assert all((load.between is not None) == (element == "quadratic") for load in loads)
+        resultants.append([load.forces.sum(axis=0) for load in loads])
+    np.testing.assert_allclose(resultants[0], resultants[1], rtol=1e-2)

@@ -219,7 +219,7 @@ def test_fibres(d: int) -> None:
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        ({"model": "gel.py:Gel"}, "'gel.py:Gel': expected one of neo_hookean"),
+        ({"model": "gel.py:Gel"}, "'gel.py:Gel': the dataset is of an earlier version"),
         ([{"model": "yeoh", "c10": 1.0}], "'bulk_modulus' is missing"),
         (None, "expected a mapping"),
     ],

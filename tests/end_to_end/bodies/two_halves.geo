@@ -1,0 +1,24 @@
+// A plane bar of 4 × 1 m in two halves; lengths in m.
+Point(1) = {0, 0, 0};
+Point(2) = {2, 0, 0};
+Point(3) = {4, 0, 0};
+Point(4) = {4, 1, 0};
+Point(5) = {2, 1, 0};
+Point(6) = {0, 1, 0};
+Line(1) = {1, 2};
+Line(2) = {2, 3};
+Line(3) = {3, 4};
+Line(4) = {4, 5};
+Line(5) = {5, 6};
+Line(6) = {6, 1};
+Line(7) = {2, 5};
+Curve Loop(1) = {1, 7, 5, 6};
+Curve Loop(2) = {2, 3, 4, -7};
+Plane Surface(1) = {1};
+Plane Surface(2) = {2};
+Transfinite Curve {1, 2, 4, 5} = 5;
+Transfinite Curve {3, 6, 7} = 3;
+Transfinite Surface {1, 2};
+Physical Surface("left") = {1};
+Physical Surface("right") = {2};
+Physical Curve("top") = {4, 5};
