@@ -37,6 +37,7 @@ from numpy.typing import NDArray
 from shared_schema.materials import ZERO
 
 Values: TypeAlias = Any  # numbers, arrays or tensors
+FACTORS = 8  # most factors of a whole power that are multiplied one after the other
 WHOLE = 1e-12  # largest distance of an exponent from a whole number that is a rounding error
 
 
@@ -228,10 +229,18 @@ class _Writer:
             found = self._row(Operation.POWER, argument, constant=part)
         if whole < 0:
             argument = self._row(Operation.POWER, argument, constant=-1.0)
-        for _ in range(abs(whole)):
-            found = argument if found is None else self._row(Operation.PRODUCT, found, argument)
+        count = abs(whole)
+        while count > FACTORS:  # square and multiply
+            if count % 2:
+                found = self._times(found, argument)
+            argument, count = self._row(Operation.PRODUCT, argument, argument), count // 2
+        for _ in range(count):
+            found = self._times(found, argument)
         assert found is not None  # SymPy knows powers of 0
         return found
+
+    def _times(self, found: int | None, factor: int) -> int:
+        return factor if found is None else self._row(Operation.PRODUCT, found, factor)
 
     def _row(self, code: Operation, left: int, right: int = 0, constant: float = 0.0) -> int:
         row = (int(code), left, right, constant)
