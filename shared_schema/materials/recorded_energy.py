@@ -33,7 +33,7 @@ from shared_schema.common.configuration import Frozen
 from shared_schema.materials.jet import JETS
 from shared_schema.materials.signature import FibreInvariants, Functions, Invariants, Scalar
 
-MOST = 10_000  # operations; the energies that are shipped have less than 200
+MOST = 10_000  # operations; Ogden's of two terms has 663
 ISOTROPIC = 3  # I₁, I₂, J
 Name: TypeAlias = Literal["sum", "scale", "shift", "product", "power", "exp", "ln", "positive"]
 Slot: TypeAlias = Annotated[int, Field(ge=0, le=2 * MOST)]
