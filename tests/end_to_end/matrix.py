@@ -160,6 +160,7 @@ OPEN: tuple[Fields, ...] = (
     Fields("no estimated errors under pressures", ("page",), (PRESSURE,)),
     Fields("for elements without points between the nodes", ("hold", "identify"), (DEAD,), BETWEEN),
     Fields("beside forces, not pressures", BESIDE, (PRESSURE,)),
+    Fields("the series of linear elements of one Neo-Hookean material, else K⁻¹f", ("export",)),
 )
 
 

@@ -43,5 +43,7 @@ def test_law_of_a_recorded_energy(name: str, dimension: int, projected: bool) ->
     )
     expected, found = (law_of(each, dimension, projected) for each in (shipped, own))
     at = np.array(expected.at_rest) * np.random.default_rng(0).uniform(0.9, 1.1, expected.count)
-    for of_shipped, of_own in zip(expected.energy(at), found.energy(at), strict=True):
+    for of_shipped, of_own in zip(
+        expected.energy(at.tolist()), found.energy(at.tolist()), strict=True
+    ):
         assert of_own == pytest.approx(of_shipped, rel=1e-9, abs=1e-8)
