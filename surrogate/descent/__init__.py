@@ -7,7 +7,6 @@
 `tangent_steps`       Newton's steps from a state in doubt
 `fixed_directions`    a fixed number of directions, for exported files
 `aim`                 when a prediction is right enough: a tolerance, a time budget
-`cell_fields`         gradients and forces of one load, in compiled loops
 `driven_body`         the body: out-of-balance forces of single states
 `soft_modes`          modes in which the body buckles, and their stiffness at a state
 `carried_compliance`  the approximate inverse of the tangent that directions are made with

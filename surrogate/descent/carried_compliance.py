@@ -36,11 +36,13 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from surrogate.descent.cell_fields import CellFields, Values, product
+from surrogate.mechanics.compiled.cells import Cells
+from surrogate.mechanics.compiled.fields import Array as Values
+from surrogate.mechanics.compiled.fields import compiled
+from surrogate.mechanics.compiled.loops import add_forces_of, slopes_at
 from surrogate.mechanics.compliance import in_single_precision
 from surrogate.mechanics.matrices.stiffness_layout import stiffness_layout
 from surrogate.mechanics.out_of_balance import Equilibrium
-from surrogate.series.compiled_fields import compiled
 
 Array = NDArray[np.float64]
 LARGE = 2000  # degrees of freedom from which on single precision saves time
@@ -65,11 +67,14 @@ class CarriedCompliance:
         parts = equilibrium.geometry.parts if len(moduli) > 1 else None
         of_cells = np.array(moduli)[np.zeros(len(volumes), dtype=int) if parts is None else parts]
         weights = volumes * of_cells[:, None]
-        precision = np.float32 if large else np.float64
-        self._fields = CellFields(equilibrium, weights, precision)
-        self._means = CellFields(equilibrium, dtype=precision, means=True)
         metric = np.einsum("cq,cqaj,cqbj->cab", weights, gradients, gradients)
-        self._metric: Values = metric.astype(precision)
+        self._metric: Values = metric.astype(np.float32 if large else np.float64)
+        cells = solid.compiled.cells
+        self._weighted = cells._replace(volumes=cells.of_points(weights))
+        whole = volumes.sum(axis=1, keepdims=True)
+        means = np.einsum("cq,cqaj->caj", volumes / whole, gradients)[:, :, None]
+        ones = np.ones_like(whole), 1.0
+        self._means = Cells.of(solid.cells.numpy(), means.astype(self._metric.dtype), *ones)
         self._summed = laplacians_of_turned(gradients.shape[3], gradients.shape[2])
         mesh, self._laplacians = (equilibrium.geometry.coordinates, equilibrium.geometry.cells), []
         alike, number = np.unique(equilibrium.free, axis=1, return_inverse=True)
@@ -85,7 +90,7 @@ class CarriedCompliance:
 
     def at(self, u: Array) -> Callable[[Array], Array]:
         """P of a state (n_points, d) in m: forces in N to displacements in m, (n_points, d)."""
-        return partial(self._carried, self._means.deformation_gradient(u))
+        return partial(self._carried, self._mean_deformation(u))
 
     def linear_response(self, force: Array) -> Array:
         """K(0)⁻¹ f: (N, n_points, d) in N → same in m, in the precision of P."""
@@ -94,7 +99,7 @@ class CarriedCompliance:
 
     def turned(self, u: Array, y: Array) -> Array:
         """T y of m fields at a state u, in m: (n_points, d) and (m, n_points, d) → the latter."""
-        f = self._means.deformation_gradient(u)
+        f = self._mean_deformation(u)
         summed = [self._of_cells(f, each.astype(f.dtype)) for each in y]
         return (
             self._poisson(np.stack(summed, axis=2)).transpose(2, 0, 1).astype(np.float64, order="C")
@@ -102,14 +107,22 @@ class CarriedCompliance:
 
     def warped(self, u: Array) -> Array:
         """The state of finite rotations next to a linear response: (n_points, d) in m → same."""
-        h = self._fields.slopes(u)
-        stretch, turn = (h + h.swapaxes(0, 1)) / 2, (h - h.swapaxes(0, 1)) / 2
-        for i in range(len(h)):
-            stretch[i, i] += 1
-        slopes = product(exponential(turn), stretch)
-        for i in range(len(h)):
-            slopes[i, i] -= 1
-        return self._poisson(self._fields.forces(slopes)).astype(np.float64)
+        solid, unit = self._equilibrium.solid.compiled, np.eye(u.shape[1])
+        h = np.moveaxis(solid.slopes(u), -1, 1)
+        turn = (h - h.mT) / 2
+        slopes = exponential(turn) @ (unit + h - turn) - unit
+        found = np.zeros_like(u)
+        add_forces_of(self._weighted, np.ascontiguousarray(np.moveaxis(slopes, 1, -1)), found)
+        return self._poisson(found.astype(self._metric.dtype)).astype(np.float64)
+
+    def _mean_deformation(self, u: Array) -> Values:
+        """F of every cell, its mean: (n_points, d) in m → (n_blocks, d, d, n)."""
+        cells, d = self._means, u.shape[1]
+        f = np.empty((len(cells.numbers), d, d, cells.row), self._metric.dtype)
+        slopes_at(cells, u.astype(f.dtype), f)
+        for i in range(d):
+            f[:, i, i] += 1
+        return f
 
     def _carried(self, f: Values, force: Array) -> Array:
         """T K(0)⁻¹ Tᵀ r."""
@@ -117,13 +130,14 @@ class CarriedCompliance:
         if not 0 < unit < np.inf:
             return np.zeros_like(force) * unit
         s = self._poisson((force / unit).astype(f.dtype))
-        back = self._of_cells(f.swapaxes(0, 1), s)
+        back = self._of_cells(np.ascontiguousarray(f.swapaxes(1, 2)), s)
         y = self._equilibrium.solved_by(self._factor, back[None])[0]
         return self._poisson(self._of_cells(f, y)).astype(np.float64) * unit
 
     def _of_cells(self, f: Values, y: Values) -> Values:
-        """Σ_c k_c F_c y: (d, d, n_cells), (n_points, d) → (n_points, d)."""
-        return self._summed(self._means.cells, self._metric, f, y)
+        """Σ_c k_c F_c y: (n_blocks, d, d, n), (n_points, d) → (n_points, d)."""
+        cells = self._equilibrium.geometry.cells
+        return self._summed(cells, self._means.numbers, self._metric, f, y)
 
     def _poisson(self, right: Values) -> Values:
         """L⁻¹ of every component: (n_points, d) or (n_points, d, m) → same, zero where held."""
@@ -143,40 +157,45 @@ def laplacians_of_turned(d: int, corners: int) -> Callable[..., Values]:
     """
 
     @compiled
-    def summed(cells: NDArray[np.int64], metric: Values, f: Values, y: Values) -> Values:
+    def summed(
+        cells: NDArray[np.int64], numbers: NDArray[np.int64], metric: Values, f: Values, y: Values
+    ) -> Values:
         """Σ_c k_c F_c y: (n_points, d) → same.
 
         Parameters
         ----------
         cells : array of int, (n_cells, corners)
+        numbers : array of int, (n_blocks, n)
+            Of the cells, −1 beside them.
         metric : array, (n_cells, corners, corners)
             Laplacians k of the cells.
-        f : array, (d, d, n_cells)
+        f : array, (n_blocks, d, d, n)
         y : array, (n_points, d)
         """
         out, forces = np.zeros_like(y), np.empty((d, corners), y.dtype)
-        for c in range(len(cells)):
-            forces[:] = 0
-            for b in range(corners):
-                for i in range(d):
-                    turned = y.dtype.type(0)
-                    for j in range(d):
-                        turned += f[i, j, c] * y[cells[c, b], j]
-                    for a in range(corners):
-                        forces[i, a] += metric[c, b, a] * turned
-            for a in range(corners):
-                for i in range(d):
-                    out[cells[c, a], i] += forces[i, a]
+        for block in range(len(numbers)):
+            for q, c in enumerate(numbers[block]):
+                if c < 0:
+                    break
+                forces[:] = 0
+                for b in range(corners):
+                    for i in range(d):
+                        turned = y.dtype.type(0)
+                        for j in range(d):
+                            turned += f[block, i, j, q] * y[cells[c, b], j]
+                        for a in range(corners):
+                            forces[i, a] += metric[c, b, a] * turned
+                for a in range(corners):
+                    for i in range(d):
+                        out[cells[c, a], i] += forces[i, a]
         return out
 
     return summed
 
 
-def exponential(w: Values) -> Values:
-    """Rotation matrices exp(w) of skew ones, (d, d, n) → same: Rodrigues' formula."""
-    angle = np.sqrt((w * w).sum((0, 1)) / 2)
+def exponential(w: Array) -> Array:
+    """Rotation matrices exp(w) of skew ones, (…, d, d) → same: Rodrigues' formula."""
+    angle = np.sqrt((w * w).sum((-2, -1)) / 2)[..., None, None]
     half = np.sinc(angle / (2 * np.pi))
-    found = np.sinc(angle / np.pi) * w + half**2 / 2 * product(w, w)
-    for i in range(len(w)):
-        found[i, i] += 1
-    return found.astype(w.dtype)
+    found = np.eye(w.shape[-1]) + np.sinc(angle / np.pi) * w + half**2 / 2 * (w @ w)
+    return np.asarray(found)

@@ -10,13 +10,13 @@ is never below the least eigenvalue; all eigenvalues are 1 where P is exact. A s
 direction made with P is too short along s, a negative one that the state is not stable.
 Combinations matter: the edge of a plate buckles by bending and torsion at once.
 
-Products with K(u) cost a residual each. Where forces are a sum over points, the stresses are looked
-at instead. They are what softens a mode,
+Products with K(u) cost a residual each. The stresses are looked at first. They are what softens a
+mode,
 
 .. math:: θ ≈ 1 + \min_{|y| = 1} \sum_{ij} y_i \, y_j \sum_q w_q \, S_q : (H_i^T H_j)_q, \qquad
           H_i = F \, ∇φ_i
 
-with the second Piola–Kirchhoff stress S and the means of F over the cells.
+with the second Piola–Kirchhoff stress S, by the means of F and P over the cells.
 """
 
 from __future__ import annotations
@@ -26,14 +26,17 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.descent.cell_fields import CellFields, Values, jacobian, product
+from surrogate.mechanics.compiled.cells import Cells
+from surrogate.mechanics.compiled.fields import Array as Values
+from surrogate.mechanics.compiled.fields import add_contraction, compiled, rough_product
+from surrogate.mechanics.compiled.loops import mean
+from surrogate.mechanics.compiled.measures import cofactors
+from surrogate.mechanics.compiled.solid import CompiledSolid
 from surrogate.mechanics.out_of_balance import Equilibrium
-from surrogate.series.compiled_fields import compiled
 
 Array = NDArray[np.float64]
 MODES, BESIDE = 6, 4  # that are kept, and others that are iterated with them
 ITERATIONS = 8
-BLOCK = 128  # points
 
 
 def soft_modes(equilibrium: Equilibrium, respond: Callable[[Array], Array]) -> Array:
@@ -63,66 +66,91 @@ class Softening:
 
     Parameters
     ----------
-    fields : CellFields
-        At whose points stresses and deformation gradients are given.
+    solid : CompiledSolid
+        At whose points stresses and deformation gradients are given, in its rows.
     modes : array, (n_modes, n_points, d)
         Of unit φ · K(0) φ.
     """
 
-    def __init__(self, fields: CellFields, modes: Array) -> None:
-        self.fields = fields
-        self._slopes = np.array([fields.slopes(mode) for mode in modes])
+    def __init__(self, solid: CompiledSolid, modes: Array) -> None:
+        self._cells, blocks = solid.cells, len(solid.cells.numbers)
+        shape = len(modes), blocks, *solid.cells.gradients.shape[3:4] * 2, solid.cells.row
+        self._slopes = np.empty(shape, np.float32)
+        for mode, of_mode in zip(modes, self._slopes, strict=True):
+            slopes = solid.slopes(mode)
+            for block in range(blocks):
+                mean(solid.cells, block, slopes, of_mode[block])
 
-    def least(self, f: Values, piola: Values) -> float:
-        """θ by the stresses alone, of F and P in Pa: (d, d, n) each."""
-        j, cofactors = jacobian(f)
-        weighted = product(cofactors.swapaxes(0, 1), piola) * (self.fields.weights / j)  # w S
-        return 1 + least_eigenvalue(work_of_stresses(f, weighted, self._slopes))
+    def least(self, f: Array, piola: Array) -> float:
+        """θ by the stresses alone, of F and P in Pa: rows; −∞ where a cell is inverted."""
+        work = np.zeros((len(self._slopes),) * 2)
+        inside = add_work_of_stresses(self._cells, f, piola, self._slopes, work)
+        return 1 + least_eigenvalue(work) if inside else -np.inf
 
 
 @compiled
-def work_of_stresses(f: Values, stress: Values, slopes: Values) -> Values:
-    """Σ_q S : (Hᵢᵀ Hⱼ) with H = F ∇φ: (n_modes, n_modes), by blocks that stay in the cache.
+def add_work_of_stresses(cells: Cells, f: Array, piola: Array, slopes: Values, out: Array) -> bool:
+    """Add V S : (Hᵢᵀ Hⱼ) with H = F ∇φ to one half; False where a cell is inverted in the mean.
 
     Parameters
     ----------
-    f, stress : array, (d, d, n)
-        F, and S times the volumes of the points.
-    slopes : array, (n_modes, d, d, n)
-        ∇φ.
+    cells : Cells
+    f, piola : array, (n_rows, d, d, n)
+    slopes : array, (n_modes, n_blocks, d, d, n)
+        ∇φ, in whose precision sums are.
+    out : array, (n_modes, n_modes)
+        The upper half is left.
     """
-    modes, d, _, points = slopes.shape
-    h, stressed = np.empty((modes, d, d, BLOCK), f.dtype), np.empty(BLOCK, f.dtype)
-    out = np.zeros((modes, modes), f.dtype)
-    for start in range(0, points, BLOCK):
-        end = min(start + BLOCK, points)
+    modes, blocks, d, _, row = slopes.shape
+    h, stressed = np.empty((modes, d, d, row), slopes.dtype), np.empty(row, slopes.dtype)
+    tensors, j = np.empty((4, d, d, row), slopes.dtype), np.empty(row, slopes.dtype)
+    of, stress, cof, weighted = tensors[0], tensors[1], tensors[2], tensors[3]
+    points = cells.gradients.shape[1]
+    for block in range(blocks):
+        mean(cells, block, f, of)
+        mean(cells, block, piola, stress)
+        cofactors(of, cof)
+        j[:] = 0
+        add_contraction(1 / d, of, cof, j)
+        for q in range(row):
+            if cells.numbers[block, q] < 0:
+                j[q] = 1
+            elif not j[q] > 0:
+                return False
+            volume = 0.0
+            for p in range(points):
+                volume += cells.volumes[block * points + p, q]
+            j[q] = volume / j[q]
+        weighted[:] = 0
+        for i in range(d):  # V S = V cof Fᵀ P / J
+            for k in range(d):
+                total = weighted[i, k]
+                for n in range(d):
+                    a, b = cof[n, i], stress[n, k]
+                    for q in range(row):
+                        total[q] += j[q] * a[q] * b[q]
+        h[:] = 0
         for m in range(modes):
             for i in range(d):
-                for j in range(d):
-                    row = h[m, i, j]
-                    row[:] = 0
-                    for k in range(d):
-                        a, b = f[i, k, start:end], slopes[m, k, j, start:end]
-                        for q in range(end - start):
-                            row[q] += a[q] * b[q]
+                for k in range(d):
+                    total = h[m, i, k]
+                    for n in range(d):
+                        a, b = of[i, n], slopes[m, block, n, k]
+                        for q in range(row):
+                            total[q] += a[q] * b[q]
         for m in range(modes):
             for i in range(d):
-                for j in range(d):
+                for k in range(d):
                     stressed[:] = 0
-                    for k in range(d):
-                        a, b = h[m, i, k], stress[k, j, start:end]
-                        for q in range(end - start):
+                    for n in range(d):
+                        a, b = h[m, i, n], weighted[n, k]
+                        for q in range(row):
                             stressed[q] += a[q] * b[q]
                     for n in range(m + 1):
-                        row, total = h[n, i, j], f.dtype.type(0)
-                        for q in range(end - start):
-                            total += stressed[q] * row[q]
-                        out[m, n] += total
-    for m in range(modes):
-        out[:m, m] = out[m, :m]
-    return out
+                        out[m, n] += rough_product(stressed, h[n, i, k])
+    return True
 
 
 def least_eigenvalue(matrix: Array) -> float:
-    """Least eigenvalue of the symmetric part of a matrix."""
-    return float(np.linalg.eigvalsh((matrix + matrix.T) / 2)[0])
+    """Least eigenvalue of a symmetric matrix by its lower half."""
+    return float(np.linalg.eigvalsh(matrix)[0])

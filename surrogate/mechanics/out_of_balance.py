@@ -176,7 +176,7 @@ class Equilibrium:
 
     def inverted(self, u: Array) -> NDArray[np.int64]:
         """Number of inverted cells, (N,); a cell with a NaN counts as well."""
-        return self.solid.inverted(torch.from_numpy(u)).numpy()
+        return self.solid.compiled.inverted(u)
 
     def potential(self, u: Array, f: Array) -> Array:
         """Π(u) under dead forces in J, (N,); +∞ if a cell is inverted."""
@@ -190,8 +190,7 @@ class Equilibrium:
     def out_of_balance(self, u: Array, f: Array) -> Array:
         """r(u) in N, (N, n_nodes, d); zero at clamped nodes."""
         require_time()
-        internal: Array = self.solid.internal_forces(torch.from_numpy(u)).numpy()
-        r = internal - self.external(u, f)
+        r = self.solid.compiled.internal_forces(u) - self.external(u, f)
         r *= self.free
         return r
 
@@ -285,7 +284,7 @@ class Equilibrium:
         r = self.out_of_balance(u, f)
         for row in range(len(u)):
             one = slice(row, row + 1)
-            cells = self.solid.cell_tangents(torch.from_numpy(u[one]), relaxed=True)
+            cells = self.solid.compiled.cell_tangents(u[one], relaxed=True)
             factor = self.layout.factor(self.layout.assembled(cells)[0])
             if factor is not None:
                 trial = u[one] + self._solved([factor], r[one])
@@ -346,7 +345,9 @@ class Equilibrium:
     @cached_property
     def undeformed(self) -> BandCholesky | SparseFactor:
         """The factor of K(0), in the order of `layout`; ValueError if K(0) is singular."""
-        factor = self.layout.factor(self._tangents(np.zeros((1, *self.free.shape)))[0])
+        nothing = torch.zeros(1, *self.free.shape, dtype=torch.float64)
+        tangents = self.solid.cell_tangents(nothing)  # once, which nothing is compiled for
+        factor = self.layout.factor(self.layout.assembled(tangents)[0])
         if factor is None:
             raise ValueError("the stiffness of the body is singular; supports are missing")
         return factor
@@ -404,7 +405,7 @@ class Equilibrium:
 
     def _tangents(self, u: Array) -> Any:
         """K(u) of every displacement, as `layout` assembles them."""
-        tangents = self.layout.assembled(self.solid.cell_tangents(torch.from_numpy(u)))
+        tangents = self.layout.assembled(self.solid.compiled.cell_tangents(u))
         if self.springs is None:
             return tangents
         pairs = zip(tangents, u, strict=True)

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.series.compiled_fields import compiled
+from surrogate.mechanics.compiled.fields import compiled
 
 SMALLEST_J = 1e-3
 SUFFICIENT = 1e-4  # decrease of a step, over that of its slope (Armijo)

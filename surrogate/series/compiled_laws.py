@@ -1,70 +1,35 @@
-r"""Laws of materials in loops that Numba compiles: values and power series of their tapes.
+r"""Laws of materials in loops that Numba compiles: power series of their tapes.
 
-The tapes of all materials of a body are rows of one table, so that one compiled program is for any
-of them (`surrogate.mechanics.energy.tape`). Values at the points of a block of cells are rows, in
-which every operation is one loop.
+Tapes and their values are those of `surrogate.mechanics.compiled.tapes`.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.materials import ZERO
+from surrogate.mechanics.compiled.fields import Array, compiled
+from surrogate.mechanics.compiled.tapes import (
+    EXP,
+    LN,
+    POWER,
+    PRODUCT,
+    SCALE,
+    SHIFT,
+    STEP,
+    SUM,
+    Doubles,
+    Tapes,
+)
 from surrogate.mechanics.energy.law import DILATION, FIBRES, FIRST, SECOND, VOLUME, Law
-from surrogate.mechanics.energy.tape import Operation, Tape
-from surrogate.series.compiled_fields import Array, compiled
 from surrogate.series.measured_series import slopes_at_rest, used_measures
 
-Numbers = NDArray[np.int64]
-Doubles = NDArray[np.float64]
-SUM, SCALE, SHIFT, PRODUCT, POWER, EXP, LN, POSITIVE, STEP = (int(code) for code in Operation)
 INPUTS = FIBRES  # measures of a law without fibres: I₁, I₂, J, θ
 I1, I2, J, THETA = FIRST, SECOND, VOLUME, DILATION
-
-
-class Tapes(NamedTuple):
-    """Tapes of all materials, filled up with operations that none has.
-
-    Attributes
-    ----------
-    counts : array of int, (n_laws,)
-        Number of operations.
-    codes, left, right : array of int, (n_laws, n)
-    constants : array, (n_laws, n)
-    outputs : array of int, (n_laws, m)
-    fixed : array, (n_laws, m)
-    """
-
-    counts: Numbers
-    codes: Numbers
-    left: Numbers
-    right: Numbers
-    constants: Doubles
-    outputs: Numbers
-    fixed: Doubles
-
-    @classmethod
-    def of(cls, tapes: Sequence[Tape]) -> Tapes:
-        """Arrange some tapes."""
-        most = max(len(tape.codes) for tape in tapes)
-
-        def rows(columns: Sequence[NDArray[Any]]) -> NDArray[Any]:
-            return np.array([np.pad(each, (0, most - len(each))) for each in columns])
-
-        return cls(
-            np.array([len(tape.codes) for tape in tapes]),
-            rows([tape.codes for tape in tapes]),
-            rows([tape.left for tape in tapes]),
-            rows([tape.right for tape in tapes]),
-            rows([tape.constants for tape in tapes]),
-            np.array([tape.outputs for tape in tapes]),
-            np.array([tape.fixed for tape in tapes]),
-        )
 
 
 class Laws(NamedTuple):
@@ -139,7 +104,8 @@ def next_coefficients(k: int, number: int, laws: Laws, slots: Array) -> None:
             for q in range(points):
                 out[q] = a[q] + b[q]
         elif code == SHIFT:
-            out[:] = a
+            for q in range(points):
+                out[q] = a[q]
         elif code == PRODUCT:
             b = slots[new, right]
             x, y = real(laws.rest[number, right]), real(first)
@@ -177,45 +143,3 @@ def next_coefficients(k: int, number: int, laws: Laws, slots: Array) -> None:
                     other = slots[j - 1, place] if code == LN else slots[k - j - 1, place]
                     for q in range(points):
                         out[q] += factor * one[q] * other[q]
-
-
-@compiled
-def values_of(number: int, tapes: Tapes, slots: Doubles) -> None:
-    """Run a tape of a law on the rows of its inputs: (n_slots, n_points)."""
-    points = slots.shape[1]
-    for op in range(tapes.counts[number]):
-        code, constant = tapes.codes[number, op], tapes.constants[number, op]
-        out, a = slots[INPUTS + op], slots[tapes.left[number, op]]
-        if code == SUM:
-            b = slots[tapes.right[number, op]]
-            for q in range(points):
-                out[q] = a[q] + b[q]
-        elif code == SCALE:
-            for q in range(points):
-                out[q] = constant * a[q]
-        elif code == SHIFT:
-            for q in range(points):
-                out[q] = a[q] + constant
-        elif code == PRODUCT:
-            b = slots[tapes.right[number, op]]
-            for q in range(points):
-                out[q] = a[q] * b[q]
-        elif code == POWER:
-            if constant == -1:
-                for q in range(points):
-                    out[q] = 1 / a[q]
-            else:
-                for q in range(points):
-                    out[q] = a[q] ** constant
-        elif code == EXP:
-            for q in range(points):
-                out[q] = math.exp(a[q])
-        elif code == LN:
-            for q in range(points):
-                out[q] = math.log(a[q])
-        elif code == POSITIVE:
-            for q in range(points):
-                out[q] = a[q] if a[q] > -ZERO else 0.0
-        else:
-            for q in range(points):
-                out[q] = 1.0 if a[q] > -ZERO else 0.0

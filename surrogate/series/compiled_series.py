@@ -15,9 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from surrogate.mechanics.solids.solid import Solid
-from surrogate.series.compiled_cells import Cells
-from surrogate.series.compiled_fields import (
+from surrogate.mechanics.compiled.cells import Cells
+from surrogate.mechanics.compiled.fields import (
     Array,
     add_multiple,
     add_weighted_rows,
@@ -26,6 +25,7 @@ from surrogate.series.compiled_fields import (
     largest,
     longest,
 )
+from surrogate.mechanics.solids.solid import Solid
 from surrogate.series.compiled_laws import Laws
 from surrogate.series.compiled_terms import Terms, add_term, room_for_terms
 from surrogate.series.compiled_weights import least_energy, potential_of_terms

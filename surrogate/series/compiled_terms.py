@@ -10,8 +10,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from surrogate.series.compiled_cells import Cells, add_at_nodes, add_forces, at_corners, slopes_of
-from surrogate.series.compiled_fields import (
+from surrogate.mechanics.compiled.cells import (
+    Cells,
+    add_at_nodes,
+    add_forces,
+    at_corners,
+    slopes_of,
+)
+from surrogate.mechanics.compiled.fields import (
     Array,
     add_contraction,
     add_cross_product,

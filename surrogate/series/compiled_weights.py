@@ -26,8 +26,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.series.compiled_cells import Cells
-from surrogate.series.compiled_fields import (
+from surrogate.mechanics.compiled.cells import Cells
+from surrogate.mechanics.compiled.fields import (
     Array,
     add_contraction,
     add_cross_product,
@@ -38,7 +38,8 @@ from surrogate.series.compiled_fields import (
     product_of,
     rough_product,
 )
-from surrogate.series.compiled_laws import I1, I2, INPUTS, THETA, J, Laws, Tapes, values_of
+from surrogate.mechanics.compiled.tapes import Tapes, values_of
+from surrogate.series.compiled_laws import I1, I2, INPUTS, THETA, J, Laws
 
 Doubles = NDArray[np.float64]
 EVALUATIONS = 30  # of Π, at most

@@ -12,11 +12,12 @@ So the tangent of a cell with the volume V is that at fixed θ and p
 
 from __future__ import annotations
 
-import torch
+import numpy as np
+from numpy.typing import NDArray
 from torch import Tensor
 
-from surrogate.mechanics.solids.deformation import cofactors, determinant
-from surrogate.mechanics.solids.solid import Solid, curvature, mixed
+from surrogate.mechanics.solids.deformation import determinant
+from surrogate.mechanics.solids.solid import Solid
 
 
 class MeanDilationSolid(Solid):
@@ -34,18 +35,20 @@ class MeanDilationSolid(Solid):
         """θ of every cell: (N, n_nodes, d) in m → (n_cells, N)."""
         return self.projected(determinant(self.deformation_gradient(u)))[..., 0]
 
-    def cell_tangents(self, u: Tensor, relaxed: bool = False) -> Tensor:
-        """K of every cell, as that of `Solid`."""
-        points = self.points(u)
-        at_fixed = self.tangents_at(points if relaxed else self.with_pressure(points))
-        volume = self.volumes.sum(1)
-        of_volume = self._works(cofactors(points.f)) / volume[:, None]
-        crossed = self._works(self.by_law(mixed, points))
-        s = (self.volumes[:, None] * self.by_law(curvature, points)).sum(-1).T[..., None, None]
-        product = crossed[..., None] * of_volume[:, :, None]
-        square = of_volume[..., None] * of_volume[:, :, None]
-        return at_fixed + product + product.transpose(2, 3) + s * square
+    def _functions(
+        self, cells: NDArray[np.int64], cell_type: str
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """One of every cell, 1 at its points."""
+        return np.ones((self.volumes.shape[1], 1)), np.arange(len(cells))[:, None]
 
-    def _works(self, stress: Tensor) -> Tensor:
-        """Forces of stresses in a cell: (d, d, n_cells, N, n_points) → (N, n_cells, corners d)."""
-        return torch.einsum("ijcnq,cq,cqaj->ncai", stress, self.volumes, self.gradients).flatten(2)
+    def solved_mass(self, sums: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Divide by the volumes of the cells."""
+        return sums / self.volumes.sum(1).numpy()
+
+    def composed(
+        self, first: Tensor, by_dilation: Tensor, by_pressure: Tensor, square: Tensor
+    ) -> Tensor:
+        """Tangent of cells from its parts, as that of `Solid`."""
+        of_volume = by_pressure / self.volumes.sum(1)[:, None, None]
+        product = by_dilation @ of_volume.mT
+        return first + product + product.mT + square * of_volume @ of_volume.mT

@@ -28,7 +28,8 @@ tangent without them is called relaxed; a step with it makes the volumes right.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import torch
@@ -37,8 +38,11 @@ from torch import Tensor, nn
 
 from shared_schema.materials import Materials, as_tuple
 from surrogate.mechanics.energy.law import DILATION, VOLUME, Law, law_of
-from surrogate.mechanics.solids.deformation import Deformation, determinant, moduli_of
+from surrogate.mechanics.solids.deformation import Deformation, cofactors, determinant, moduli_of
 from surrogate.mechanics.solids.elements import cell_gradients
+
+if TYPE_CHECKING:
+    from surrogate.mechanics.compiled.solid import CompiledSolid
 
 
 class Points(NamedTuple):
@@ -101,12 +105,18 @@ class Solid(nn.Module):
         Cells of every material, if there are several.
     projects : bool
         Whether θ is found from J.
+    shapes : Tensor, (n_points, n_functions)
+        Values of the functions of a cell that Π leads to.
+    corners : Tensor of int, (n_cells, n_functions)
+        Their numbers.
     """
 
     cells: Tensor
     gradients: Tensor
     volumes: Tensor
     fibres: Tensor | None
+    shapes: Tensor
+    corners: Tensor
     _order: Tensor
     projects = False
 
@@ -140,6 +150,15 @@ class Solid(nn.Module):
         self.register_buffer("cells", torch.tensor(cells), persistent=False)
         self.register_buffer("gradients", torch.from_numpy(gradients), persistent=False)
         self.register_buffer("volumes", torch.from_numpy(volumes), persistent=False)
+        shapes, corners = self._functions(cells, cell_type)
+        self.register_buffer("shapes", torch.tensor(shapes), persistent=False)
+        self.register_buffer("corners", torch.tensor(corners), persistent=False)
+
+    def _functions(
+        self, cells: NDArray[np.int64], cell_type: str
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """`shapes` and `corners`: none."""
+        return np.empty((self.volumes.shape[1], 0)), cells[:, :0]
 
     @property
     def laws(self) -> list[Law]:
@@ -200,8 +219,34 @@ class Solid(nn.Module):
             numbers[members] = number
         return numbers
 
+    @cached_property
+    def compiled(self) -> CompiledSolid:
+        """The same in compiled loops, in double precision on the CPU."""
+        from surrogate.mechanics.compiled.solid import CompiledSolid  # Numba: half a second
+
+        return CompiledSolid(self)
+
     def projected(self, values: Tensor) -> Tensor:
         """Π of values at the points: (n_cells, N, n_points) → same."""
+        raise NotImplementedError("the elements have no dilation of their own")
+
+    def solved_mass(self, sums: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Solve with the mass matrix of the functions that Π leads to: (n_functions, …) → same."""
+        raise NotImplementedError("the elements have no dilation of their own")
+
+    def composed(
+        self, first: Tensor, by_dilation: Tensor, by_pressure: Tensor, square: Tensor
+    ) -> Tensor:
+        """Tangent of cells from its parts, those at fixed θ and p first.
+
+        Parameters
+        ----------
+        first : Tensor, (N, n_cells, n_corners d, n_corners d)
+        by_dilation, by_pressure : Tensor, (N, n_cells, n_corners d, n_functions)
+            Works of ∂²W/∂F∂θ and of cof F, times the functions of a cell.
+        square : Tensor, (N, n_cells, n_functions, n_functions)
+            Sums of ∂²W/∂θ², times two functions.
+        """
         raise NotImplementedError("the elements have no dilation of their own")
 
     def points(self, u: Tensor) -> Points:
@@ -268,7 +313,24 @@ class Solid(nn.Module):
         Rows and columns are numbered corner · d + component. A relaxed tangent lacks the part of
         pressures p.
         """
-        return self.tangents_at(self.points(u))
+        points = self.points(u)
+        first = self.tangents_at(points if relaxed else self.with_pressure(points))
+        if not self.projects:
+            return first
+        curved = self.volumes[:, None] * self.by_law(curvature, points)
+        square = torch.einsum("cnq,qa,qb->ncab", curved, self.shapes, self.shapes)
+        by_dilation = self._works(self.by_law(mixed, points))
+        return self.composed(first, by_dilation, self._works(cofactors(points.f)), square)
+
+    def _works(self, stress: Tensor) -> Tensor:
+        """Works of stresses that a cell's functions multiply: → (N, n_cells, corners d, functions).
+
+        Stresses are (d, d, n_cells, N, n_points).
+        """
+        works = torch.einsum(
+            "ijcnq,cq,cqaj,qb->ncaib", stress, self.volumes, self.gradients, self.shapes
+        )
+        return works.flatten(2, 3)
 
     def tangents_at(self, points: Points, laws: Sequence[Law] | None = None) -> Tensor:
         """The same at fixed θ and p."""

@@ -16,19 +16,20 @@ for fixed u. The second derivative of E(u) is dense; that of Π by u, θ and p i
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from scipy.sparse import csc_array
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import SuperLU, splu
 from torch import Tensor
 
 from shared_schema.common.bodies.quadratic.quadratic_cells import quadratic_quadrature
-from shared_schema.materials import Materials
 from surrogate.mechanics.energy.law import law_of
 from surrogate.mechanics.matrices.cell_matrices import sum_of_cells
-from surrogate.mechanics.solids.deformation import cofactors, determinant
-from surrogate.mechanics.solids.solid import Points, Solid, curvature, mixed
+from surrogate.mechanics.solids.deformation import determinant
+from surrogate.mechanics.solids.solid import Points, Solid
 
 
 class TaylorHoodSolid(Solid):
@@ -39,53 +40,50 @@ class TaylorHoodSolid(Solid):
 
     projects = True
 
-    def __init__(
-        self,
-        coordinates: NDArray[np.float64],
-        cells: NDArray[np.int64],
-        cell_type: str,
-        material: Materials,
-        parts: NDArray[np.int64] | None = None,
-        fibres: NDArray[np.float64] | None = None,
-    ) -> None:
-        super().__init__(coordinates, cells, cell_type, material, parts, fibres)
+    def _functions(
+        self, cells: NDArray[np.int64], cell_type: str
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Those of the nodes, linear in the cells."""
         points, _ = quadratic_quadrature(cell_type)
         shapes = np.concatenate([1 - points.sum(axis=1, keepdims=True), points], axis=1)
-        corners = cells[:, : shapes.shape[1]]
-        self.shapes, self.corners = torch.from_numpy(shapes), torch.tensor(corners)
+        return shapes, cells[:, : shapes.shape[1]]
+
+    @cached_property
+    def _mass(self) -> SuperLU:
+        shapes, corners = self.shapes.numpy(), self.corners.numpy()
         of_cells = np.einsum("cq,qa,qb->cab", self.volumes.numpy(), shapes, shapes)
-        self._mass = splu(csc_array(sum_of_cells(of_cells, corners, corners.max() + 1)))
+        return splu(csc_array(sum_of_cells(of_cells, corners, corners.max() + 1)))
 
     def projected(self, values: Tensor) -> Tensor:
         """The continuous linear function next to values: (n_cells, N, n_points) → same."""
         of_cells = (self.volumes[:, None] * values) @ self.shapes
         sums = torch.zeros(self._mass.shape[0], values.shape[1], dtype=torch.float64)
         sums.index_add_(0, self.corners.flatten(), of_cells.transpose(1, 2).flatten(0, 1))
-        at_nodes = torch.from_numpy(self._mass.solve(sums.numpy()))
+        at_nodes = torch.from_numpy(self.solved_mass(sums.numpy()))
         return at_nodes[self.corners].transpose(1, 2) @ self.shapes.T
 
     def dilation(self, u: Tensor) -> Tensor:
         """θ at the middle of every cell: (N, n_nodes, d) in m → (n_cells, N)."""
         return self.projected(determinant(self.deformation_gradient(u))).mean(-1)
 
-    def cell_tangents(self, u: Tensor, relaxed: bool = False) -> Tensor:
-        """∂²Π of every cell: (N, n_nodes, d) in m → (N, n_cells, m, m).
+    def solved_mass(self, sums: NDArray[np.float64]) -> NDArray[np.float64]:
+        """M⁻¹ of sums: (n_nodes, …) → same."""
+        return np.asarray(self._mass.solve(sums))
+
+    def composed(
+        self, first: Tensor, by_dilation: Tensor, by_pressure: Tensor, square: Tensor
+    ) -> Tensor:
+        """∂²Π of every cell from its parts: (N, n_cells, m, m).
 
         Rows and columns are the displacements, corner · d + component, then the dilations of the
         corners, then their pressures.
         """
-        points = self.points(u)
-        first = self.tangents_at(points if relaxed else self.with_pressure(points))
-        of_dilation = self._beside(self.by_law(mixed, points))
-        of_pressure = self._beside(cofactors(points.f))
-        curved = self.volumes[:, None] * self.by_law(curvature, points)
-        square = torch.einsum("cnq,qa,qb->ncab", curved, self.shapes, self.shapes)
         mass = torch.einsum("cq,qa,qb->cab", self.volumes, self.shapes, self.shapes)
         mass = mass.expand_as(square)
         rows = (
-            (first, of_dilation, of_pressure),
-            (of_dilation.transpose(2, 3), square, -mass),
-            (of_pressure.transpose(2, 3), -mass, torch.zeros_like(mass)),
+            (first, by_dilation, by_pressure),
+            (by_dilation.mT, square, -mass),
+            (by_pressure.mT, -mass, torch.zeros_like(mass)),
         )
         return torch.cat([torch.cat(row, 3) for row in rows], 2)
 
@@ -97,13 +95,3 @@ class TaylorHoodSolid(Solid):
         of_displacements = self.tangents_at(Points(rest, fibres=self.fibres), laws)
         more = 2 * self.corners.shape[1]
         return torch.nn.functional.pad(of_displacements, (0, more, 0, more))
-
-    def _beside(self, stress: Tensor) -> Tensor:
-        """Works of stresses that a corner's function multiplies: → (N, n_cells, points d, corners).
-
-        Stresses are (d, d, n_cells, N, n_points).
-        """
-        works = torch.einsum(
-            "ijcnq,cq,cqaj,qb->ncaib", stress, self.volumes, self.gradients, self.shapes
-        )
-        return works.flatten(2, 3)

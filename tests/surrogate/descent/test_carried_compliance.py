@@ -131,7 +131,8 @@ def test_warped_response_is_nearer_than_the_linear_one(cell_type: str) -> None:
 
 @pytest.mark.parametrize("d", [2, 3])
 def test_exponential_of_rotations(d: int) -> None:
-    random = np.random.default_rng(d).normal(size=(d, d, 5)) * [0.0, 1e-9, 0.1, 1.0, 5.0]
-    turn = random - random.swapaxes(0, 1)
-    expected = np.stack([expm(turn[..., n]) for n in range(5)], axis=-1)
+    random = np.random.default_rng(d).normal(size=(5, d, d))
+    random *= np.reshape([0.0, 1e-9, 0.1, 1.0, 5.0], (5, 1, 1))
+    turn = random - random.mT
+    expected = np.stack([expm(each) for each in turn])
     np.testing.assert_allclose(exponential(turn), expected, atol=1e-14)

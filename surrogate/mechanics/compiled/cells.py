@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.series.compiled_fields import Array, compiled
+from surrogate.mechanics.compiled.fields import Array, compiled
 
 ROW = 256  # cells of a block, at most
 ALIGNED = 8  # their number is a multiple
@@ -33,6 +33,10 @@ class Cells(NamedTuple):
         Of the volumes, in m³ (m² in the plane).
     laws : array of int, (n_blocks,)
         Number of the material of the cells of every block.
+    numbers : array of int, (n_blocks, n)
+        Of the cells; −1 at the end of a block that is filled up.
+    order : array of int, (n_blocks, n)
+        The same; of a small body, whose points are cells, the numbers of the points.
     """
 
     nodes: NDArray[np.int64]
@@ -40,6 +44,8 @@ class Cells(NamedTuple):
     volumes: Array
     unit: float
     laws: NDArray[np.int64]
+    numbers: NDArray[np.int64]
+    order: NDArray[np.int64]
 
     @classmethod
     def of(
@@ -63,52 +69,68 @@ class Cells(NamedTuple):
             Number of every cell's material; 0 by default.
         """
         count, corners, points, d = gradients.shape
-        numbers = np.zeros(count, np.int64) if materials is None else materials
+        of_cells = np.zeros(count, np.int64) if materials is None else materials
+        numbers, slopes = np.arange(count), gradients.swapaxes(1, 2)
         if count * points <= ROW:  # of a small body, every point is a cell
-            gradients = gradients.swapaxes(1, 2).reshape(-1, corners, 1, d)
-            cells, volumes = cells.repeat(points, axis=0), volumes.reshape(-1, 1)
-            numbers = numbers.repeat(points)
-        kinds = np.unique(numbers)
-        parts = [
-            _blocks(cells[some], gradients[some], volumes[some])
-            for some in (numbers == kind for kind in kinds)
-        ]
-        row = max(part[0].shape[-1] for part in parts)
-        nodes, slopes, weights = (
-            np.concatenate([_wider(part[field], row) for part in parts]) for field in range(3)
+            slopes = slopes.reshape(-1, 1, corners, d)
+            volumes = volumes.reshape(-1, 1)
+            of_cells, numbers = of_cells.repeat(points), numbers.repeat(points)
+        kinds = np.unique(of_cells)
+        members = [np.flatnonzero(of_cells == kind) for kind in kinds]
+        shapes = [_shape(len(some)) for some in members]
+        row = max(shape[1] for shape in shapes)
+        order = np.concatenate(
+            [_filled(some, shape, row) for some, shape in zip(members, shapes, strict=True)]
         )
         laws = np.concatenate(
-            [np.full(len(part[0]), kind) for part, kind in zip(parts, kinds, strict=True)]
+            [np.full(shape[0], kind) for shape, kind in zip(shapes, kinds, strict=True)]
         )
-        return cls(nodes, slopes, weights, unit, laws)
+        edge = (0, 0), (0, 0), (0, -corners % CORNERS), (0, 0)
+        weights = _by_row(volumes, order)
+        return cls(
+            _by_row(np.pad(cells[numbers], edge[1:3]), order),
+            _by_row(np.pad(slopes, edge), order),
+            weights.reshape(-1, weights.shape[-1]),
+            unit,
+            laws,
+            np.where(order < 0, -1, numbers[order]),
+            order,
+        )
+
+    @property
+    def row(self) -> int:
+        """Cells of a block, with those that fill it up."""
+        return self.numbers.shape[1]
+
+    def of_points(self, values: Array) -> Array:
+        """Values at the points of all cells in rows: (n_cells, n_points, …) → (n_rows, …, n)."""
+        points = self.gradients.shape[1]
+        found = _by_row(values.reshape(-1, points, *values.shape[2:]), self.order)
+        return found.reshape(-1, *found.shape[2:])
+
+    def of_cells(self, values: Array) -> Array:
+        """Values of all cells by blocks: (n_cells, …) → (n_blocks, …, n)."""
+        return _by_row(values, self.numbers)
 
 
-def _blocks(cells: NDArray[np.int64], gradients: Array, volumes: Array) -> tuple[Array, ...]:
-    """Nodes, gradients and volumes of the cells of one material, in blocks."""
-    count, corners, points, d = gradients.shape
+def _shape(count: int) -> tuple[int, int]:
+    """Number of the blocks of so many cells, and of the cells in each."""
     blocks = -(-count // ROW)
-    row = -(-count // (blocks * ALIGNED)) * ALIGNED
-    padded = corners + -corners % CORNERS
-    nodes = np.zeros((blocks * row, padded), np.int64)
-    nodes[:count, :corners] = cells
-    slopes = np.zeros((blocks * row, points, padded, d), gradients.dtype)
-    slopes[:count, :, :corners] = gradients.swapaxes(1, 2)
-    weights = np.zeros((blocks * row, points), volumes.dtype)
-    weights[:count] = volumes
-    shape = blocks, row
-    rows = _by_row(weights, shape).reshape(blocks * points, row)
-    return _by_row(nodes, shape), _by_row(slopes, shape), rows
+    return blocks, -(-count // (blocks * ALIGNED)) * ALIGNED
 
 
-def _wider(rows: Array, width: int) -> Array:
-    """Rows that are filled up with zeros."""
-    return np.pad(rows, [*[(0, 0)] * (rows.ndim - 1), (0, width - rows.shape[-1])])
+def _filled(some: NDArray[np.int64], shape: tuple[int, int], row: int) -> NDArray[np.int64]:
+    """Numbers in blocks of a length, filled up with −1."""
+    found = np.full(shape[0] * shape[1], -1)
+    found[: len(some)] = some
+    return np.pad(found.reshape(shape), ((0, 0), (0, row - shape[1])), constant_values=-1)
 
 
-def _by_row(of_cells: Array, shape: tuple[int, int]) -> Array:
-    """Values of cells, (n_blocks · n, …), as rows: (n_blocks, …, n)."""
-    values = of_cells.reshape(*shape, *of_cells.shape[1:])
-    return np.ascontiguousarray(np.moveaxis(values, 1, -1))
+def _by_row(values: Array, order: NDArray[np.int64]) -> Array:
+    """Values of cells, (n_cells, …), as rows in an order (n_blocks, n): (n_blocks, …, n)."""
+    found = values[order]
+    found[order < 0] = 0
+    return np.ascontiguousarray(np.moveaxis(found, 1, -1))
 
 
 @compiled

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 FUNCTIONS = """
-from surrogate.series.compiled_fields import compiled
+from surrogate.mechanics.compiled.fields import compiled
 
 def times(factor):
     @compiled

@@ -87,6 +87,21 @@ def add_cross_product(factor: float, a: Array, b: Array, out: Array) -> None:
 
 
 @compiled
+def add_cross(factor: float, a: Array, b: Array, out: Array) -> None:
+    """Add x A × B, in the plane x ((tr B) I - Bᵀ): (d, d, n_points) twice → same."""
+    if len(b) == 3:
+        add_cross_product(factor, a, b, out)
+        return
+    x = out.dtype.type(factor)
+    for i in range(2):
+        for j in range(2):
+            sign = x if i == j else -x
+            row, total = b[1 - i, 1 - j], out[i, j]
+            for q in range(len(total)):
+                total[q] += sign * row[q]
+
+
+@compiled
 def add_contraction(factor: float, a: Array, b: Array, out: Array) -> None:
     """Add x A : B: (d, d, n_points) twice → (n_points,)."""
     x, d = out.dtype.type(factor), len(a)
