@@ -119,7 +119,10 @@ class CompiledSolid:
 
     def internal_forces(self, u: Array) -> Array:
         """f_int in N, no meaning if a cell is inverted: (N, n_points, d) in m → same."""
-        return np.array([self.forces(self.first_piola(self.deformed(each))) for each in u])
+        found = np.zeros(u.shape)
+        for row, each in enumerate(u):
+            found[row] = self.forces(self.first_piola(self.deformed(each)))
+        return found
 
     def inverted(self, u: Array) -> NDArray[np.int64]:
         """Number of inverted cells, as `Solid.inverted`: (N, n_points, d) in m → (N,)."""

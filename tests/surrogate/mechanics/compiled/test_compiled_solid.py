@@ -31,6 +31,7 @@ def test_forces_and_tangents(element: str, cell_type: str, material: str) -> Non
     found = solid.compiled.internal_forces(u)
     assert np.abs(expected).max() > 1
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+    assert solid.compiled.internal_forces(u[:0]).shape == (0, *u.shape[1:])
     for relaxed in (False, True):
         of_cells = solid.cell_tangents(torch.from_numpy(u), relaxed).numpy()
         tangents = solid.compiled.cell_tangents(u, relaxed).numpy()
