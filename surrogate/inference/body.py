@@ -135,7 +135,7 @@ class TrainedBody:
             As `equilibrium`, or if the case has loads that follow the body, or elements with points
             between the nodes.
         """
-        what = "proposed loads, refinement and estimates on a page"
+        what = "proposed loads and refinement"
         require_nodes_alone(self.description.data.case, self.geometry.cell_type, what)
         if self.geometry.pressed is not None:
             raise InputError(

@@ -10,38 +10,48 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from shared_schema.common.errors import InputError
-from shared_schema.materials import NeoHookean
-from surrogate.data.elements_of_case import body_of_response, require_linear_elements
+from surrogate.data.case_loads import families_of
+from surrogate.data.elements_of_case import body_of_response
 from surrogate.data.geometry import Geometry
 from surrogate.inference.surrogate import Surrogate
-from surrogate.mechanics.matrices.band_matrix import BandLayout
+from surrogate.mechanics.follower_pressure import FollowerPressure
+from surrogate.mechanics.out_of_balance import Equilibrium
+from surrogate.networks.no_network import NoNetwork
+from surrogate.page.body_data import band_entries, body_data, surface_data
 from surrogate.page.surface import surface_of
 
 BAND = 2**24  # entries of a band that a page factorises: 134 MB
+RESPONSE = "response"  # before the names of arrays of the body of the linear response
 Arrays = dict[str, NDArray[Any]]
 
 
 @dataclass(frozen=True)
 class Mechanics:
-    """What a page computes linear responses and estimated errors from.
+    """What a page computes equilibria, load series, linear responses and estimated errors from.
 
     Attributes
     ----------
-    material : dict or None
-        Lamé parameters in Pa, name of the volumetric term, and whether the volumes of cells change
-        as a whole; None if the page has no mechanics.
+    body : dict or None
+        The body of the finite elements (`surrogate.page.body_data`); None if the learner does not
+        know its elements or material, or it is too large. Without it no errors are estimated.
+    response : dict or None
+        The body of the linear response in the network's input, where that is another one.
+    pressed : tuple of str
+        Names of the surfaces that pressures follow, as ``--load`` has them.
+    pressures : tuple of float
+        Largest pressure of the case on each of them in Pa.
     arrays : dict
-        Order of the degrees of freedom in the band of K; on embedded grids also the nodes, with
-        weights, that a nodal force reaches by way of the grid.
-    certified : bool
-        Whether the page estimates errors: they are those of linear elements under dead loads.
+        Of both bodies; on embedded grids also the nodes, with weights, that a nodal force reaches
+        by way of the grid; forces of unit pressures on the undeformed body.
     band : int
-        Entries of the band of K, if the network needs it and it is too large for a page; else 0.
+        Entries of the band of K, if the page cannot do without and it is too large; else 0.
     """
 
-    material: dict[str, Any] | None
+    body: dict[str, Any] | None
+    response: dict[str, Any] | None
+    pressed: tuple[str, ...]
+    pressures: tuple[float, ...]
     arrays: Arrays
-    certified: bool
     band: int = 0
 
 
@@ -62,50 +72,80 @@ def drawn(geometry: Geometry) -> Arrays:
 
 
 def mechanics_of(surrogate: Surrogate) -> Mechanics:
-    """Material and order of the band; nothing if the network does without and they are lacking.
+    """Describe the body, and that of the network's linear response.
 
     Raises
     ------
     InputError
-        If the network contains the linear response, and the body is none that a page can compute.
+        If the network contains the linear response, or the page has no network, and the body is
+        none that the learner knows.
     """
-    data, series = surrogate.description.data, surrogate.description.run.has_series
-    is_needed, certified = surrogate.network.linear is not None, _certified(surrogate)
     geometry = surrogate.geometry
+    responds = surrogate.network.linear is not None
+    alone = isinstance(surrogate.network.network, NoNetwork)
+    body: dict[str, Any] | None = None
+    response: dict[str, Any] | None = None
+    arrays: Arrays = {}
+    band = 0
     try:
-        geometry, material = body_of_response(geometry, data.material, data.case, series)
-        if not isinstance(material, NeoHookean):
-            raise InputError("page: expected a Neo-Hookean body of one material")
-        if not certified and not is_needed:
-            return Mechanics(None, {}, False)
-        layout = BandLayout(geometry.coordinates, geometry.cells, geometry.held)
-        entries = len(layout.dofs) * (layout.width + 1)
-        if entries > BAND:
-            return Mechanics(None, {}, False, entries if is_needed else 0)
+        equilibrium = surrogate.equilibrium
     except InputError:
-        if is_needed:
+        if alone:
             raise
-        return Mechanics(None, {}, False)
-    arrays: Arrays = {"order": layout.dofs.astype(np.int32)}
-    if is_needed and not geometry.grid.points_are_nodes:
-        spread = spread_of(geometry)
-        arrays |= {
-            "spreadStarts": spread.indptr.astype(np.int32),
-            "spreadNodes": spread.indices.astype(np.int32),
-            "spreadWeights": spread.data,
-        }
-    constants: dict[str, Any] = {"lambda": material.lame_lambda, "mu": material.lame_mu}
-    constants |= {"volumetric": material.volumetric, "meanDilation": geometry.mean_dilation}
-    return Mechanics(constants, arrays, certified)
+    else:
+        body, arrays = body_data(equilibrium)
+        body["facet"], of_surfaces = surface_data(geometry.surfaces, geometry.dimension)
+        arrays |= of_surfaces
+        entries = band_entries(equilibrium, arrays["order"])
+        if entries > BAND:
+            body, arrays, band = None, {}, entries if alone else 0
+    if responds and not alone and not band:
+        own = equilibrium_of_response(surrogate)
+        if body is None or own is not surrogate.equilibrium:
+            response, of_response = body_data(own)
+            entries = band_entries(own, of_response["order"])
+            band = entries if entries > BAND else 0
+            arrays |= {RESPONSE + name: array for name, array in of_response.items()}
+        if not geometry.grid.points_are_nodes:
+            spread = spread_of(geometry)
+            arrays |= {
+                "spreadStarts": spread.indptr.astype(np.int32),
+                "spreadNodes": spread.indices.astype(np.int32),
+                "spreadWeights": spread.data,
+            }
+    if band:
+        return Mechanics(None, None, (), (), {}, band)
+    pressed, largest = pressures_of(surrogate)
+    if pressed:
+        arrays["pushes"] = unit_pressures(geometry)
+    return Mechanics(body, response, pressed, largest, arrays)
 
 
-def _certified(surrogate: Surrogate) -> bool:
-    try:
-        require_linear_elements(surrogate.description.data.case, "estimates on a page")
-        surrogate.balanced()
-    except InputError:
-        return False
-    return True
+def equilibrium_of_response(surrogate: Surrogate) -> Equilibrium:
+    """The body of a network's linear response; that of the finite elements itself if equal."""
+    data, series = surrogate.description.data, surrogate.description.run.has_series
+    geometry, material = body_of_response(surrogate.geometry, data.material, data.case, series)
+    if geometry is surrogate.geometry and material is data.material:
+        return surrogate.equilibrium
+    return Equilibrium(geometry, material)
+
+
+def pressures_of(surrogate: Surrogate) -> tuple[tuple[str, ...], tuple[float, ...]]:
+    """Names of the surfaces under pressures (`Geometry.surfaces`), and the largest pressures."""
+    families = families_of(surrogate.description.data.case)
+    pressed = [family for family in families if family["family"] == "pressure"]
+    if len(pressed) != len(surrogate.geometry.surfaces):
+        return (), ()
+    names = tuple(str((family.get("region") or {}).get("group") or "") for family in pressed)
+    return names, tuple(max(abs(float(end)) for end in family["range"]) for family in pressed)
+
+
+def unit_pressures(geometry: Geometry) -> NDArray[np.float64]:
+    """Forces of 1 Pa on each surface of the undeformed body, at the nodes: (n_surfaces, n, d)."""
+    units = np.eye(len(geometry.surfaces))
+    points = geometry.pressed_points
+    push = FollowerPressure.on(geometry.coordinates, geometry.surfaces, units, points)
+    return np.asarray(push.load[:, : len(geometry.coordinates)] * geometry.free)
 
 
 def spread_of(geometry: Geometry) -> csr_array:

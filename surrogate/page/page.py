@@ -1,8 +1,8 @@
 """The page of a run: body, network, mechanics and script in one HTML file.
 
 The network gets forces and, where it contains the linear response K⁻¹f, that as a second input.
-Neither K⁻¹ nor a factor of K is in the file: the page assembles K from mesh and material and
-factorises it, in the order of `surrogate.mechanics.matrices.band_matrix`. Where the response of the
+Neither K⁻¹ nor a factor of K is in the file: the page assembles K from mesh, elements and the
+tapes of the materials (`surrogate.page.body_data`) and factorises it. Where the response of the
 body is all there is (`model: series`), the page has no network and computes it alone.
 """
 
@@ -34,7 +34,6 @@ from surrogate.page.page_loads import Arrays, load_arrays, page_loads
 from surrogate.page.page_network import NO_NETWORK, page_network
 from surrogate.page.surface_network import fits, surface_arrays, surface_network
 from surrogate.probabilistic.moments import Moments
-from surrogate.series import SeriesResponse
 
 LARGEST = 25_000_000  # bytes of a page
 BASE64 = 4 / 3  # its characters a byte
@@ -108,9 +107,11 @@ def write_page(
         require_packages("onnx")
     loads = page_loads(surrogate, patch)
     geometry, arrays = surrogate.geometry, drawn(surrogate.geometry) | mechanics.arrays
-    content = described(surrogate, run) | {"material": mechanics.material}
+    content = described(surrogate, run)
+    content |= {"body": mechanics.body, "response": mechanics.response}
+    content |= {"pressed": mechanics.pressed, "largestPressures": mechanics.pressures}
     content |= {"largest": loads.largest, "patch": loads.radius, "density": loads.density}
-    content |= {"certified": mechanics.certified, "series": order, "places": None}
+    content |= {"series": order, "places": None}
     content["radius"] = loads.radius or sphere_radius(geometry.coordinates)
     parts = {"style": bundle.style, "script": bundle.script}
     parts["runtime"] = "" if order else in_base64(bundle.runtime)
@@ -143,7 +144,7 @@ def write_page(
     if size > largest:
         raise InputError(f"page: {size / 1e6:.1f} MB, expected {largest / 1e6:.1f} MB at most")
     write_text(path, page)
-    return Written(size, network.passes, mechanics.certified)
+    return Written(size, network.passes, mechanics.body is not None)
 
 
 def young_modulus(surrogate: Surrogate) -> float | None:
@@ -164,8 +165,7 @@ def series_order(surrogate: Surrogate) -> int:
     """Order of the load series that a page computes in place of a network; 0 for a network."""
     if not isinstance(surrogate.network.network, NoNetwork):
         return 0
-    response = surrogate.network.linear
-    return response.order if isinstance(response, SeriesResponse) else 1
+    return int(getattr(surrogate.description.run, "series_order", 1))
 
 
 def described(surrogate: Surrogate, run: str | Path) -> dict[str, Any]:
@@ -176,7 +176,7 @@ def described(surrogate: Surrogate, run: str | Path) -> dict[str, Any]:
         "network": config.architecture,
         "run": str(run),
         "units": data.units.model_dump(),
-        "cellType": surrogate.geometry.cell_type,
+        "corners": surrogate.geometry.cells.shape[1],
         "needsResponse": surrogate.network.linear is not None and series_order(surrogate) == 0,
         "deviations": deviations(surrogate),
         "youngModulus": young_modulus(surrogate),

@@ -231,15 +231,67 @@ def test_page_without_material_has_no_estimate(
     assert_no_estimate(run, dataset, open_page, tmp_path / "page.html")
 
 
-def test_page_of_other_elements_has_no_estimate(
+def test_page_of_other_elements_estimates(
     dataset: Dataset, open_page: Callable[..., OpenPage], tmp_path: Path
 ) -> None:
-    """The response in the network's input is that of cells that change their volume as a whole."""
+    """The response and the estimate are those of cells that change their volume as a whole."""
     silicone = {**dataset.manifest.case["material"], "poisson_ratio": 0.49}
     case = {**dataset.manifest.case, "material": silicone, "element": "incompressible"}
     soft = replace(dataset, manifest=dataset.manifest.model_copy(update={"case": case}))
     run = untrained(tmp_path / "run", soft, dataset.geometry, LINEAR)
-    assert_no_estimate(run, dataset, open_page, tmp_path / "page.html")
+    assert write_page(run, tmp_path / "page.html").estimates
+    model, page = load(run), open_page(tmp_path / "page.html")
+    page.load(int(np.flatnonzero(dataset.geometry.loadable)[0]), 0.5, 0.5)
+    found = page.field("displacement")
+    expected = model.averaged_passes(page.forces).mean
+    assert np.abs(found - expected).max() < RELATIVE * np.abs(expected).max()
+    error, settled = page.certificate()
+    certificate = model.certify(page.forces, found)
+    assert settled == bool(certificate.settled)
+    np.testing.assert_allclose(error, certificate.error, atol=1e-6 * float(certificate.max_error))
+
+
+def test_pressure_on_two_materials_with_points_between_the_nodes(
+    dataset: Dataset, open_page: Callable[..., OpenPage], tmp_path: Path
+) -> None:
+    """A slider presses a side of incompressible triangles; the copied command means the same."""
+    geometry = as_simplices(dataset.geometry)
+    x = geometry.coordinates
+    top = x[:, 1] == x[:, 1].max()
+    facets = geometry.surface_facets
+    rubber = {"model": "yeoh", "c10": 80, "c20": 30, "c30": 5, "bulk_modulus": 30000}
+    material = {**dataset.manifest.case["material"], "group": "root"}
+    geometry = replace(
+        geometry,
+        parts=(x[geometry.cells, 0].mean(axis=1) > x[:, 0].mean()).astype(np.int64),
+        groups={"top": top},
+        pressed=facets[top[facets].all(axis=1)],
+        pressed_surface=np.zeros(top[facets].all(axis=1).sum(), dtype=np.int64),
+    )
+    case = {
+        **dataset.manifest.case,
+        "material": [material, {**rubber, "group": "end"}],
+        "element": "incompressible",
+        "load": [{"family": "pressure", "region": {"group": "top"}, "range": [0.0, 3.0]}],
+    }
+    data = replace(dataset, manifest=dataset.manifest.model_copy(update={"case": case}))
+    run, path = tmp_path / "run", tmp_path / "page.html"
+    train({"model": "series", "series_order": 4}, replace(data, geometry=geometry), run)
+    assert write_page(run, path).estimates
+    model, page = load(run), open_page(path)
+    page.page.locator("#pressures input[type=number]").fill("1.5")
+    page.load(int(np.flatnonzero(geometry.loadable)[-1]), 0.3, -0.5)
+    error, settled = page.certificate()
+    command = page.text("#panel code")
+    loads = re.findall(r'--load="?([^" ]*)"?', command)
+    assert loads[-1] == "top:1.5"
+    expected = model.solve(loads, certify="full", tolerance=None)
+    size = np.abs(expected.displacement).max()
+    tight = model.solve(loads, correct=True).displacement
+    assert settled
+    assert np.abs(page.field("displacement") - tight).max() < 5e-3 * size
+    assert np.abs(expected.displacement - model.solve(loads[:1]).displacement).max() > 0.05 * size
+    np.testing.assert_allclose(page.forces, expected.force, atol=1e-6 * np.abs(page.forces).max())
 
 
 def assert_no_estimate(

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import subprocess
-from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,77 +10,108 @@ import torch
 from numpy.typing import NDArray
 
 from shared_schema.grid import Grid
-from shared_schema.materials import NeoHookean
 from surrogate.certify.correction import correct
 from surrogate.certify.full_certificate import certify
 from surrogate.data.geometry import Geometry
-from surrogate.mechanics.matrices.band_matrix import BandLayout
+from surrogate.mechanics.follower_pressure import FollowerPressure
 from surrogate.mechanics.out_of_balance import Equilibrium
-from surrogate.series.series_response import SeriesResponse
+from surrogate.mechanics.solids.changes import stress_changes
+from surrogate.series.body_series import BodySeries, Weights, slope_of
 from tests.surrogate.conftest import box_cells
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
+from tests.surrogate.page.page_in_node import PageInNode
+from tests.surrogate.series.test_body_series import ELEMENTS, MATERIALS, body, upper_side
 
 Array = NDArray[np.float64]
-Ask = Callable[..., dict[str, Any]]
-WEB = Path(__file__).parents[3] / "surrogate" / "page" / "web"
-SOURCE = Path(__file__).with_name("mechanics_in_node.ts")
+ORDER = 5
+LOAD = (0.3, -2.0, 0.8)  # N at a corner
+ON_EVERY_ELEMENT = ("yeoh", "two", "guccione")
+BODIES = [("linear", "tetra", material, False) for material in MATERIALS]
+BODIES += [
+    (element, cell_type, ON_EVERY_ELEMENT[number % 3], under_pressure)
+    for element, some in ELEMENTS.items()
+    for number, cell_type in enumerate(some)
+    for under_pressure in (False, True)
+]
 
 
 @pytest.fixture(scope="module")
-def ask(tmp_path_factory: pytest.TempPathFactory) -> Ask:
-    """Ask the page's mechanics for certificates of states, and series of loads."""
-    script = tmp_path_factory.mktemp("page") / "mechanics.mjs"
-    esbuild = [str(WEB / "node_modules/.bin/esbuild"), str(SOURCE), "--bundle", "--format=esm"]
-    subprocess.run(
-        [*esbuild, "--platform=node", f"--outfile={script}", "--log-level=error"], check=True
+def ask(tmp_path_factory: pytest.TempPathFactory) -> PageInNode:
+    """Ask the page's mechanics, bundled once."""
+    return PageInNode(tmp_path_factory.mktemp("page"))
+
+
+def assert_close(found: Any, expected: Array, relative: float = 1e-9) -> None:
+    """Numbers are the same, as far as rounding errors of the largest one allow."""
+    size = np.abs(expected).max()
+    np.testing.assert_allclose(
+        np.array(found).reshape(expected.shape), expected, atol=relative * size
     )
 
-    def asked(
-        geometry: Geometry,
-        material: NeoHookean,
-        states: list[tuple[Array, Array]] = [],  # noqa: B006
-        loads: list[tuple[Array, int]] = [],  # noqa: B006
-    ) -> dict[str, Any]:
-        layout = BandLayout(geometry.coordinates, geometry.cells, geometry.held)
-        constants = {"lambda": material.lame_lambda, "mu": material.lame_mu}
-        body = {
-            "coordinates": geometry.coordinates.ravel().tolist(),
-            "cells": geometry.cells.ravel().tolist(),
-            "cellType": geometry.cell_type,
-            "order": layout.dofs.tolist(),
-            "material": constants | {"volumetric": material.volumetric, "meanDilation": False},
-        }
-        request = {
-            "body": body,
-            "states": [{"force": f.ravel().tolist(), "predicted": numbers(u)} for f, u in states],
-            "loads": [{"force": f.ravel().tolist(), "order": order} for f, order in loads],
-        }
-        done = subprocess.run(
-            ["node", str(script)],
-            input=json.dumps(request),
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        found: dict[str, Any] = json.loads(done.stdout)
-        return found
 
-    return asked
+@pytest.mark.parametrize(("element", "cell_type", "material", "under_pressure"), BODIES)
+def test_page_computes_what_python_does(
+    ask: PageInNode, element: str, cell_type: str, material: str, under_pressure: bool
+) -> None:
+    """Of every material, element and load: E, r(u), K x, K⁻¹ x, terms, weights, verdicts.
 
-
-def numbers(field: Array) -> list[float | None]:
-    """Values of a field; null for NaN."""
-    return [None if np.isnan(value) else float(value) for value in field.ravel()]
+    The state is 2 % off the equilibrium, so that pressures p and stresses matter.
+    """
+    plain, d = body(element, cell_type, material), box(cell_type).dimension
+    force = plain.forces_at_points(end_load(box(cell_type), *LOAD[:d])[None])
+    pressure: FollowerPressure | None = None
+    under, pressures, surfaces = plain, list[float](), tuple[NDArray[np.int64], ...]()
+    if under_pressure:
+        under = plain.under(upper_side(cell_type, plain))
+        pressure = under.pressure
+        assert pressure is not None
+        pressures, surfaces = pressure.pressures[0].tolist(), pressure.surfaces
+    series = BodySeries(plain, ORDER)
+    terms = series.terms(force, pressure)
+    weights = Weights(under, terms, force, pressure).found()
+    expected = np.einsum("nk,knai->nai", weights, terms.u)
+    rng = np.random.default_rng(0)
+    u = (1 + 0.02 * rng.normal(size=expected.shape)) * expected
+    x = rng.normal(size=expected.shape) * plain.free
+    nodal = u[0, : plain.nodes]
+    state, found, verdict = ask(
+        plain,
+        [
+            {"kind": "state", "force": force, "u": u, "x": x, "pressures": pressures},
+            {"kind": "series", "force": force, "order": ORDER, "pressures": pressures},
+            {"kind": "certificate", "force": force, "u": nodal, "pressures": pressures},
+        ],
+        surfaces,
+    )
+    solid = plain.solid
+    at = solid.with_pressure(solid.points(torch.from_numpy(u)))
+    (change,) = stress_changes(solid, at, [slope_of(solid, x)])
+    factor, stable = under._factors(u)[0]
+    assert state["energy"] == pytest.approx(float(solid.energy(torch.from_numpy(u))), rel=1e-9)
+    assert_close(state["residual"], under.out_of_balance(u, force))
+    assert_close(state["product"], solid.forces_of(change).numpy())
+    assert_close(state["solved"], under.solved_by(factor, x))
+    assert state["stable"] == stable
+    for term, own, weight in zip(found["terms"], terms.u, weights[0], strict=True):
+        size = np.abs(expected).max() / max(abs(weight), 1e-3)  # of a term that matters
+        np.testing.assert_allclose(np.array(term).reshape(own.shape), own, atol=1e-9 * size)
+    assert_close(found["series"], expected)
+    python = certify(under, plain.forces_at_nodes(force)[0], nodal)
+    assert verdict["settled"] == bool(python.settled)
+    if python.settled:
+        error = np.array(verdict["error"]).reshape(-1, d)[: plain.nodes]
+        assert_close(error, python.error, 1e-6)
 
 
 def assert_same_verdicts(
-    ask: Ask, geometry: Geometry, states: list[tuple[Array, Array]], tolerance: float = 1e-9
+    ask: PageInNode, geometry: Geometry, states: list[tuple[Array, Array]], tolerance: float = 1e-9
 ) -> list[bool]:
     """Which of the estimates are settled, in Python and on the page."""
     equilibrium = Equilibrium(geometry, MATERIAL)
     rounding = 1e-14 * float(np.ptp(geometry.coordinates))  # of strains of 1e-14
     settled = []
-    found = ask(geometry, MATERIAL, states)["certificates"]
+    asks = [{"kind": "certificate", "force": f, "u": u} for f, u in states]
+    found = ask(equilibrium, asks)
     for (force, predicted), page in zip(states, found, strict=True):
         python = certify(equilibrium, force, predicted)
         assert page["settled"] == bool(python.settled)
@@ -100,7 +127,7 @@ def assert_same_verdicts(
 
 
 @pytest.mark.parametrize("cell_type", ["quad", "triangle", "hexahedron", "tetra"])
-def test_certificates_of_every_cell(ask: Ask, cell_type: str) -> None:
+def test_certificates_of_every_cell(ask: PageInNode, cell_type: str) -> None:
     """Small, rough and large errors, no displacement, an inverted cell, and no numbers."""
     geometry = box(cell_type)
     equilibrium = Equilibrium(geometry, MATERIAL)
@@ -128,7 +155,7 @@ def slender(height: float) -> tuple[Geometry, Array]:
     return Geometry(x, box_cells(shape), "quad", held, ~held, Grid.from_coordinates(x)), x
 
 
-def test_a_third_step_that_does_not_contract_is_no_estimate(ask: Ask) -> None:
+def test_a_third_step_that_does_not_contract_is_no_estimate(ask: PageInNode) -> None:
     """States of a slender beam after which two steps seem to contract, and are wrong.
 
     Those of `test_settled_estimates_of_a_slender_body_are_right`: the estimate of two steps is
@@ -145,7 +172,7 @@ def test_a_third_step_that_does_not_contract_is_no_estimate(ask: Ask) -> None:
     assert all(assert_same_verdicts(ask, geometry, states, 1e-6))
 
 
-def test_unstable_and_hidden_states(ask: Ask) -> None:
+def test_unstable_and_hidden_states(ask: PageInNode) -> None:
     """A straight column under loads about Euler's, and loads that drown in rounding errors."""
     geometry, x = slender(0.5)
     equilibrium = Equilibrium(geometry, MATERIAL)
@@ -165,26 +192,41 @@ def test_unstable_and_hidden_states(ask: Ask) -> None:
 
 
 @pytest.mark.parametrize("cell_type", ["quad", "tetra"])
-@pytest.mark.parametrize("volumetric", ["paper", "quadratic"])
-def test_series_of_every_order(ask: Ask, cell_type: str, volumetric: str) -> None:
-    """u₁ … u₈ in their least energy: the page's series is that of the run to any order."""
-    geometry = box(cell_type)
-    material = MATERIAL.model_copy(update={"volumetric": volumetric})
-    force = end_load(geometry, *(3.0, -9.0, 2.0)[: geometry.dimension])
-    loads = [(factor * force, order) for factor in (1e-6, 0.1, 1.0, 3.0) for order in range(1, 9)]
-    found = ask(geometry, material, loads=loads)["series"]
-    last: dict[float, Array] = {}
+def test_series_of_every_order(ask: PageInNode, cell_type: str) -> None:
+    """The page's series is that of the run to any order; a small load takes the sum of terms."""
+    equilibrium = body("linear", cell_type, "neo_hookean")
+    force = end_load(box(cell_type), *LOAD[: equilibrium.geometry.dimension])
+    loads = [(factor * force, order) for factor in (1e-6, 1.0) for order in (1, 2, 4, 8)]
+    found = ask(equilibrium, [{"kind": "series", "force": f, "order": order} for f, order in loads])
     for (load, order), page in zip(loads, found, strict=True):
+        series = BodySeries(equilibrium, order)
+        weights = Weights(equilibrium, terms := series.terms(load[None]), load[None], None).found()
+        expected = np.einsum("nk,knai->nai", weights, terms.u)[0]
         if order == 1:
-            expected = Equilibrium(geometry, material).linear_response(load[None])[0]
-        else:
-            response = SeriesResponse(geometry, material, False, order)
-            first = torch.from_numpy(Equilibrium(geometry, material).linear_response(load[None]))
-            nodal = first.transpose(1, 2)
-            expected = (nodal + response.beyond_first(nodal)[0])[0].T.numpy()
-        u, size = np.array(page).reshape(expected.shape), np.abs(expected).max()
-        np.testing.assert_allclose(u, expected, atol=1e-8 * size)
-        key = float(load[-1, 0])
-        if key == 9.0 and order == 5:  # another order is another displacement
-            assert np.abs(expected - last[key]).max() > 1e-6 * size
-        last[key] = expected
+            expected = equilibrium.linear_response(load[None])[0]
+        assert_close(page["series"], expected, 1e-6)  # the matrix of 8 terms is nearly singular
+
+
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_directions_lead_to_the_equilibrium(ask: PageInNode, element: str) -> None:
+    """From the linear response under a load and a pressure, within the page's 0.5 %."""
+    plain = body(element, "tetra" if element != "linear" else "hexahedron", "two")
+    geometry = box("tetra" if element != "linear" else "hexahedron")
+    under = plain.under(upper_side(geometry.cell_type, plain))
+    pressure = under.pressure
+    assert pressure is not None
+    load = end_load(geometry, *LOAD)
+    force = plain.forces_at_points(load[None])
+    start = plain.linear_response(under.at_rest(force))
+    request = {
+        "kind": "descent",
+        "force": force,
+        "u": start,
+        "pressures": pressure.pressures[0].tolist(),
+    }
+    (found,) = ask(plain, [request], pressure.surfaces)
+    expected = correct(under, load, start[0, : plain.nodes]).displacement
+    displacement = np.array(found["displacement"]).reshape(-1, 3)[: plain.nodes]
+    size = np.abs(expected).max()
+    assert np.abs(start[0, : plain.nodes] - expected).max() > 0.01 * size
+    assert np.abs(displacement - expected).max() < 5e-3 * size

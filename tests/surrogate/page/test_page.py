@@ -67,7 +67,7 @@ def test_page_contains_body_network_and_script(
     content: dict[str, Any] = json.loads(element(page, "content"))
     assert content["run"] == str(run)
     assert content["needsResponse"]
-    assert content["material"]["mu"] == pytest.approx(500 / 2.8)  # E / (2 (1 + ν))
+    assert content["body"]["laws"][0]["mu"] == pytest.approx(500 / 2.8)  # E / (2 (1 + ν))
     assert content["limit"] == list(dataset.info.force.max_abs)
     assert content["loads"]["most"] == 1
     assert content["units"] == {"length": "m", "force": "N"}
@@ -164,9 +164,9 @@ def test_body_too_large_for_the_page(
     """A U-Net with the linear response is refused; without, the page has no estimates."""
     linear = load(untrained(tmp_path / "linear", dataset, dataset.geometry, LINEAR))
     plain = load(untrained(tmp_path / "plain", dataset, dataset.geometry, {}))
-    assert mechanics_of(plain).material is not None
+    assert mechanics_of(plain).body is not None
     monkeypatch.setattr(body, "BAND", 100)
-    assert mechanics_of(plain).material is None
+    assert mechanics_of(plain).body is None
     assert mechanics_of(linear).band == 672
     monkeypatch.setattr(page_module, "BAND", 100)
     with pytest.raises(InputError, match="a band of 672 entries, expected 100 at most, or a"):

@@ -1,8 +1,7 @@
 /** What `surrogate page` has written into the file: the body, the network, onnxruntime's WebAssembly. */
 
-import type { CellType } from "./mechanics/elements";
-import type { Rows } from "./mechanics/messages";
-import type { Material } from "./mechanics/solid";
+import type { Body, Rows } from "./mechanics/messages";
+import { readBody, readRows, type BodyText, type Find } from "./mechanics/read_body";
 import type { TrainingRange } from "./training_range";
 
 /** Plain data of the page (`surrogate/page/page.py`). */
@@ -12,7 +11,8 @@ interface Text {
   run: string;
   /** Labels of the units of the case. */
   units: { length: string; force: string };
-  cellType: CellType;
+  /** Number of corners of a cell. */
+  corners: number;
   needsResponse: boolean;
   /** Order of the load series that predicts in place of a network; 0 if there is a network. */
   series: number;
@@ -27,15 +27,21 @@ interface Text {
   density: number[] | null;
   /** Nodes of a large body that can be touched, whose unit loads its network knows; null for all. */
   places: number[] | null;
-  material: Material | null;
-  /** Whether the mechanics are those of the body, so that errors are estimated. */
-  certified: boolean;
+  /** Surfaces that pressures follow, by their groups, and the largest pressures of the case in Pa. */
+  pressed: string[];
+  largestPressures: number[];
   passes: number | null;
   /** Young's modulus at rest in Pa; null for a body of several materials, or of unknown ones. */
   youngModulus: number | null;
   /** Radius in m of the sphere that pushes the body, at first. */
   radius: number;
   arrays: Partial<Record<string, { type: string; shape: number[]; offset: number }>>;
+}
+
+/** Bodies as they are written. */
+interface Written extends Text {
+  body: BodyText | null;
+  response: BodyText | null;
 }
 
 /** All that is known of the body before the network is read. */
@@ -56,9 +62,13 @@ export interface Content extends Text {
   lines: Int32Array;
   features: Int32Array;
   supports: Int32Array;
-  order: Int32Array | null;
-  /** Nodes, with weights, that a nodal force reaches by way of an embedded grid. */
-  spread: Rows | null;
+  /** The body of the finite elements; null where no errors are estimated. */
+  body: Body | null;
+  /** That of the linear response, or of the series. */
+  responding: Body | null;
+  certified: boolean;
+  /** Forces in N of 1 Pa on every surface of the undeformed body, (surfaces, nodes, d). */
+  pushes: Float64Array | null;
   /** Nodes, with weights, that a force about a node reaches by way of its patch. */
   patches: Rows | null;
   /** What of the body belongs to each node, in m³. */
@@ -70,18 +80,13 @@ const VIEWS = { float64: Float64Array, int32: Int32Array, uint8: Uint8Array } as
 
 /** Read text and arrays. */
 export async function readContent(): Promise<Content> {
-  const text = JSON.parse(element("content").textContent) as Text;
+  const text = JSON.parse(element("content").textContent) as Written;
   const block = (await bytes("arrays")).buffer;
-  const array = (name: string): Float64Array | Int32Array | Uint8Array | null => {
+  const array: Find = (name) => {
     const entry = text.arrays[name];
     if (!entry) return null;
     const length = entry.shape.reduce((product, n) => product * n, 1);
     return new VIEWS[entry.type as keyof typeof VIEWS](block, entry.offset, length);
-  };
-  const rows = (name: string): Rows | null => {
-    const starts = array(`${name}Starts`) as Int32Array | null;
-    const nodes = array(`${name}Nodes`) as Int32Array;
-    return starts && { starts, nodes, weights: array(`${name}Weights`) as Float64Array };
   };
   const [nodes, d] = text.arrays.coordinates!.shape;
   const loadable = array("loadable") as Uint8Array;
@@ -90,8 +95,20 @@ export async function readContent(): Promise<Content> {
     Number(held.subarray(node * d, (node + 1) * d).every((value) => value === 1)),
   );
   const none = text.limit.map(() => Infinity);
+  const body = text.body && readBody(text.body, array);
+  const response =
+    text.response &&
+    readBody(text.response, (name) =>
+      name.startsWith("spread") ? null : array(`response${name}`),
+    );
+  const spread = readRows("spread", array);
+  const responding = response ?? body;
   return {
     ...text,
+    body,
+    responding: responding && { ...responding, spread },
+    certified: body !== null,
+    pushes: array("pushes") as Float64Array | null,
     nodes,
     d,
     coordinates: array("coordinates") as Float64Array,
@@ -107,9 +124,7 @@ export async function readContent(): Promise<Content> {
     lines: array("lines") as Int32Array,
     features: array("features") as Int32Array,
     supports: array("supports") as Int32Array,
-    order: array("order") as Int32Array | null,
-    spread: rows("spread"),
-    patches: rows("patch"),
+    patches: readRows("patch", array),
     volumes: array("volumes") as Float64Array | null,
   };
 }

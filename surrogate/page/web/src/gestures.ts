@@ -21,7 +21,9 @@ export class Gestures {
     private readonly state: State,
     changed: () => void,
   ) {
-    const gestures: Gesture[] = state.content.order ? ["force", "hold", "push"] : ["force", "hold"];
+    const gestures: Gesture[] = state.content.responding
+      ? ["force", "hold", "push"]
+      : ["force", "hold"];
     const choose = (gesture: Gesture): HTMLElement => {
       const change = (): void => {
         state.gesture = gesture;

@@ -36,6 +36,9 @@ export interface LoadedBody {
   patches: Rows | null;
   /** What of the body belongs to each node, in m³. */
   volumes: Float64Array | null;
+  /** Surfaces that pressures follow, and forces in N of 1 Pa on each of them, (nodes · d) each. */
+  pressed: readonly string[];
+  pushes: Float64Array | null;
 }
 
 export class Loads {
@@ -44,9 +47,12 @@ export class Loads {
   readonly body: Load;
   /** Forces of the tool. */
   contacts: Contact[] = [];
+  /** Pressures on the surfaces in Pa. */
+  readonly pressures: number[];
   selected: Load | null = null;
 
   constructor(private readonly on: LoadedBody) {
+    this.pressures = on.pressed.map(() => 0);
     this.body = { node: BODY, force: new Array<number>(on.d).fill(0), held: null };
   }
 
@@ -75,11 +81,21 @@ export class Loads {
   clear(): void {
     this.all.length = 0;
     this.body.force.fill(0);
+    this.pressures.fill(0);
     this.selected = null;
   }
 
-  /** All that acts, the tool among it. */
+  /** All that acts, the tool and pressures, as on the undeformed body, among it. */
   parts(): Part[] {
+    const pressures = this.pressures.map((pressure, i) => ({
+      key: this.push(i),
+      force: [pressure],
+    }));
+    return [...this.dead(), ...pressures.filter(({ force }) => force[0] !== 0)];
+  }
+
+  /** All that keeps its direction. */
+  private dead(): Part[] {
     return [
       ...this.acting.map(({ node, force }) => ({ key: node, force })),
       ...this.contacts.map(({ node, force }) => ({ key: this.alone(node), force })),
@@ -91,10 +107,15 @@ export class Loads {
     return this.on.patches ? BODY - 1 - node : node;
   }
 
-  /** Nodal forces in N, (nodes · d). */
-  nodal(): Float64Array {
+  /** What the pressure on a surface acts on. */
+  private push(surface: number): number {
+    return BODY - 1 - this.on.nodes - surface;
+  }
+
+  /** Nodal forces in N, (nodes · d), with those of pressures on the undeformed body or without. */
+  nodal(withPressures = true): Float64Array {
     const force = new Float64Array(this.on.nodes * this.on.d);
-    for (const part of this.parts()) this.add(part, force);
+    for (const part of withPressures ? this.parts() : this.dead()) this.add(part, force);
     return force;
   }
 
@@ -110,9 +131,10 @@ export class Loads {
   /** Nodal forces in N of the unit components of a load. */
   units(key: number): Float64Array[] {
     const { nodes, d } = this.on;
-    return Array.from({ length: d }, (_, component) => {
+    const components = key <= this.push(0) ? 1 : d;
+    return Array.from({ length: components }, (_, component) => {
       const force = new Float64Array(nodes * d);
-      const unit = Array.from({ length: d }, (_, i) => Number(i === component));
+      const unit = Array.from({ length: components }, (_, i) => Number(i === component));
       this.add({ key, force: unit }, force);
       return force;
     });
@@ -120,8 +142,11 @@ export class Loads {
 
   /** Add the nodal forces of a load. */
   private add({ key, force }: Part, sum: Float64Array): void {
-    const { nodes, patches, volumes } = this.on;
-    if (key === BODY) {
+    const { nodes, patches, volumes, pushes } = this.on;
+    if (key <= this.push(0)) {
+      const first = (this.push(0) - key) * sum.length;
+      for (let i = 0; i < sum.length; i++) sum[i] += force[0] * pushes![first + i];
+    } else if (key === BODY) {
       for (let other = 0; other < nodes; other++) this.addAt(other, volumes![other], force, sum);
     } else if (key < BODY) {
       this.addAt(BODY - 1 - key, 1, force, sum);
@@ -163,7 +188,14 @@ export function predictCommand(
     d,
     patch,
     passes,
-  }: { coordinates: Float64Array; d: number; patch: number; passes: number | null },
+    pressed,
+  }: {
+    coordinates: Float64Array;
+    d: number;
+    patch: number;
+    passes: number | null;
+    pressed: readonly string[];
+  },
   { tool, modulus, tolerance }: Beside,
 ): string {
   const words = ["surrogate", "predict", quoted(run)];
@@ -172,6 +204,9 @@ export function predictCommand(
     if (patch > 0) place.push(patch);
     words.push(`--load="${place.join(",")}:${force.join(",")}"`);
   }
+  loads.pressures.forEach((pressure, i) => {
+    if (pressure !== 0) words.push(`--load=${quoted(`${pressed[i]}:${pressure}`)}`);
+  });
   if (size(loads.body.force) > 0) words.push(`--body-force="${loads.body.force.join(",")}"`);
   if (tool) words.push(`--tool="sphere:${tool.centre.join(",")}:${tool.radius}"`);
   if (modulus !== null) words.push(`--young-modulus ${modulus}`);

@@ -143,7 +143,7 @@ async function start(): Promise<void> {
     if (outcome === "lost") panel.tell("No forces are found under which the body would be there.");
     if (!fields) return outcome !== "missing";
     addToCurve();
-    if (!isStale) timer = setTimeout(rest, (content.order?.length ?? 0) > LARGE ? REST : 0);
+    if (!isStale) timer = setTimeout(rest, (content.body?.order.length ?? 0) > LARGE ? REST : 0);
     return outcome !== "missing";
   };
 
@@ -177,8 +177,17 @@ async function start(): Promise<void> {
 
   const seriesFields = async (): Promise<Fields | null> => {
     if (mechanics === null) return null;
-    return { displacement: await mechanics.series(state.equivalent(), content.series) };
+    return atNodes(await mechanics.series(state.loading(), content.series));
   };
+
+  /** What is drawn of displacements of all points: those of the nodes. */
+  const atNodes = (points: Float32Array): Fields => ({
+    displacement: points.subarray(0, content.nodes * content.d),
+  });
+
+  /** All that is known: displacements of a series stand in front of those between the nodes. */
+  const atPoints = (displacement: Float32Array): Float64Array =>
+    Float64Array.from(content.series > 0 ? new Float32Array(displacement.buffer) : displacement);
 
   const grips = new Grips(state, extent, presentFields);
   const touch = new Touch(state, movableSurface(content), extent, (node) => {
@@ -194,9 +203,8 @@ async function start(): Promise<void> {
       estimate();
       return;
     }
-    const start = Float64Array.from(state.displacement);
-    mechanics.descent(state.equivalent(), start, (displacement) => {
-      state.fields = { displacement };
+    mechanics.descent(state.loading(), atPoints(state.displacement), (displacement) => {
+      state.fields = atNodes(displacement);
       addToCurve();
       show();
       estimate();
@@ -205,8 +213,7 @@ async function start(): Promise<void> {
 
   const estimate = (): void => {
     if (!mechanics || !state.displacement) return;
-    const force = state.equivalent();
-    mechanics.estimate(force, Float64Array.from(state.displacement), (certificate) => {
+    mechanics.estimate(state.loading(), atPoints(state.displacement), (certificate) => {
       state.certificate = certificate;
       show();
     });
@@ -245,11 +252,9 @@ async function start(): Promise<void> {
   }).observe(panel.stage);
 
   const prepare = async (): Promise<void> => {
-    const { order, material } = content;
-    if (order && material) {
-      const { coordinates, cells, cellType, spread } = content;
-      const body = { coordinates, cells, cellType, order, material, spread };
-      mechanics = new Mechanics(body, () => {
+    const { responding, body } = content;
+    if (responding) {
+      mechanics = new Mechanics(responding, body, () => {
         change(null);
       });
     }

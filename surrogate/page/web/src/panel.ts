@@ -1,16 +1,16 @@
 /** The panel beside the body: loads, colours, numbers, saving. */
 
 import { COLOUR_FIELDS, type FieldName } from "./colours";
-import { BodyForce } from "./body_force";
 import { Curve } from "./curve";
 import { Gestures } from "./gestures";
+import { Sliders } from "./sliders";
 import { Stiffness } from "./stiffness";
 import { make } from "./elements";
 import { LoadCards } from "./load_cards";
 import { predictCommand } from "./loads";
 import { TOLERANCE } from "./mechanics/descent";
 import type { State } from "./state";
-import { asLength, digits, lengthUnit, place, unitOf } from "./units";
+import { asLength, digits, forceUnit, lengthUnit, place, unitOf } from "./units";
 
 const LARGE_SHARE = 0.1; // of the displacement, of an estimated error that is shown in red
 
@@ -38,7 +38,7 @@ export class Panel {
   private readonly hint = make("p", { id: "hint" });
   private readonly bar = make("div", { id: "bar" });
   private readonly cards: LoadCards;
-  private readonly bodyForce: BodyForce | null;
+  private readonly sliders: [string, Sliders][] = [];
   private readonly gestures: Gestures;
   private readonly stiffness: Stiffness | null;
   private readonly readout = make("dl");
@@ -62,7 +62,25 @@ export class Panel {
       actions.changed("loads");
     };
     this.cards = new LoadCards(state, changed);
-    this.bodyForce = content.density && new BodyForce(state, content.density, changed);
+    const [force, length] = [forceUnit(), lengthUnit()];
+    if (content.density) {
+      const names = content.density.map((_, i): [string, string] => [
+        `b${"xyz"[i]}`,
+        `b${"xyz"[i]} in ${force}/${length}³`,
+      ]);
+      const { force: values } = state.loads.body;
+      const sliders = new Sliders("body-force", values, content.density, names, changed);
+      this.sliders.push(["Body force", sliders]);
+    }
+    if (content.pressed.length > 0) {
+      const names = content.pressed.map((name, i): [string, string] => {
+        const surface = name || `surface ${i + 1}`;
+        return [`pressure on ${surface}`, `${surface} in ${force}/${length}²`];
+      });
+      const { pressures } = state.loads;
+      const sliders = new Sliders("pressures", pressures, content.largestPressures, names, changed);
+      this.sliders.push(["Pressure", sliders]);
+    }
     this.gestures = new Gestures(state, changed);
     this.stiffness = content.youngModulus
       ? new Stiffness(state, content.youngModulus, changed)
@@ -84,7 +102,7 @@ export class Panel {
         ),
         section("A drag on the body", this.gestures.element),
         section("Loads", this.cards.element),
-        ...(this.bodyForce ? [section("Body force", this.bodyForce.element)] : []),
+        ...this.sliders.map(([title, { element }]) => section(title, element)),
         ...(this.stiffness ? [section("Young's modulus", this.stiffness.element)] : []),
         section("Colours", this.choices()),
         ...(content.certified ? [section("Estimated error", this.estimate)] : []),
@@ -112,7 +130,7 @@ export class Panel {
       this.warnings.replaceChildren(...texts.map((text) => make("p", {}, text)));
     }
     this.cards.update();
-    this.bodyForce?.update();
+    for (const [, sliders] of this.sliders) sliders.update();
     this.gestures.update();
     this.stiffness?.update();
     this.curve.draw();

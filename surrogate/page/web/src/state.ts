@@ -4,6 +4,7 @@ import { lengths, type FieldName } from "./colours";
 import type { Content } from "./content";
 import { Loads, size } from "./loads";
 import type { Certificate } from "./mechanics/certificate";
+import type { Loading } from "./mechanics/messages";
 import type { Fields } from "./network";
 import type { Sphere } from "./touch/sphere";
 import { exceeded, type Kind } from "./training_range";
@@ -65,6 +66,12 @@ export class State {
   /** Nodal forces in N under which the body of the training moves as this one does. */
   equivalent(): Float64Array {
     return this.loads.nodal().map((force) => force / this.stiffness);
+  }
+
+  /** The loads under which the body of the training moves as this one does. */
+  loading(): Loading {
+    const force = this.loads.nodal(false).map((value) => value / this.stiffness);
+    return { force, pressures: this.loads.pressures.map((value) => value / this.stiffness) };
   }
 
   get displacement(): Float32Array | null {

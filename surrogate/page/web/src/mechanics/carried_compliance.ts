@@ -3,17 +3,17 @@
  *
  *   P = T K(0)⁻¹ Tᵀ,  (T y)_a = Σ_b (L⁻¹)_ab Σ_c Σ_e k^c_be F_c y_e
  *
- * with the mean F of a cell, the Laplacian k of a cell, and that of every component, L; the modulus of a
- * body of one material cancels.
+ * with the mean F of a cell, the Laplacian k of a cell, by its shear modulus, and that of every
+ * component, L.
  */
 
 import type { Equilibrium } from "./equilibrium";
 import { Layout } from "./layout";
-import type { ProfileCholesky } from "./profile_cholesky";
+import type { ProfileFactor } from "./profile_factor";
 
 interface Laplacian {
   layout: Layout;
-  factor: ProfileCholesky;
+  factor: ProfileFactor;
 }
 
 export class CarriedCompliance {
@@ -22,7 +22,7 @@ export class CarriedCompliance {
 
   constructor(private readonly equilibrium: Equilibrium) {
     const { solid, order, size } = equilibrium;
-    const { d, cells, corners } = solid;
+    const { d, corners, body } = solid;
     const entries = corners * corners;
     this.ofCells = new Float64Array(solid.cellCount * entries);
     for (let cell = 0; cell < solid.cellCount; cell++) {
@@ -30,14 +30,15 @@ export class CarriedCompliance {
     }
     const alike = new Map<string, Laplacian>();
     for (let i = 0; i < d; i++) {
-      const nodes = order.filter((dof) => dof % d === i).map((dof) => (dof - i) / d);
+      const nodes = order.filter((dof) => dof < size && dof % d === i).map((dof) => (dof - i) / d);
       const key = nodes.join();
       let found = alike.get(key);
       if (!found) {
-        const layout = new Layout(cells, corners, 1, nodes, size / d);
+        const layout = new Layout(body.cells, corners, nodes, size / d);
         const factor = layout.factor(
-          layout.assembled((cell, k) => {
-            k.set(this.ofCells.subarray(cell * entries, (cell + 1) * entries));
+          layout.assembled((add) => {
+            for (let cell = 0; cell < solid.cellCount; cell++)
+              add(cell, this.ofCells.subarray(cell * entries, (cell + 1) * entries));
           }),
         );
         if (!factor) throw new Error("the supports do not hold the body");
@@ -60,7 +61,8 @@ export class CarriedCompliance {
 
   /** Σ_c k_c F_c y, or that of Fᵀ: (nodes · d). */
   private laplaciansOfTurned(f: Float64Array, y: Float64Array, transposed: boolean): Float64Array {
-    const { d, cells, corners } = this.equilibrium.solid;
+    const { d, corners } = this.equilibrium.solid;
+    const { cells } = this.equilibrium.solid.body;
     const found = new Float64Array(y.length);
     const turned = new Float64Array(corners * d);
     for (let first = 0, cell = 0; first < cells.length; first += corners, cell++) {

@@ -8,7 +8,7 @@
  * steps with line search, and then δ itself has to be small.
  */
 
-import { dot, norm, plus, type Equilibrium } from "./equilibrium";
+import { dot, norm, plus, type Equilibrium, type Tangent } from "./equilibrium";
 
 const CONTRACTION = 0.25; // largest ‖δ̄‖/‖δ‖ of an estimate that is settled
 const LAST_PART = 0.1; // largest part of δ̄ in it
@@ -19,7 +19,7 @@ const HALVINGS = 40;
 const SUFFICIENT = 1e-4; // of Armijo's rule
 
 export interface Certificate {
-  /** Predicted minus true displacement in m, (nodes · d); null if cells are inverted, or r is not finite. */
+  /** Predicted minus true displacement in m, (points · d); null if cells are inverted, or r is not finite. */
   error: Float64Array | null;
   /** Number of inverted cells. */
   inverted: number;
@@ -39,29 +39,31 @@ export async function certify(
   wanted: () => Promise<boolean>,
 ): Promise<Certificate | null> {
   const start = equilibrium.held(predicted);
-  const inverted = equilibrium.solid.inverted(start);
+  const inverted = equilibrium.inverted(start);
   const isSound = inverted === 0 && Number.isFinite(norm(equilibrium.outOfBalance(start, f)));
   if (!isSound) return { error: null, inverted, settled: false };
-  let u = start;
+  let u = equilibrium.relaxed(start, f);
   let settled = false;
   for (let round = 0; round < ROUNDS && !settled; round++) {
     if (!(await wanted())) return null;
     const r = equilibrium.outOfBalance(u, f);
-    const { factor, stable } = equilibrium.tangent(u);
-    const step = negative(equilibrium.solve(factor, r));
+    const tangent = equilibrium.tangent(u);
+    const step = negative(tangent.solve(r));
     const once = plus(u, step);
-    const simplified = negative(equilibrium.solve(factor, finiteResidual(equilibrium, once, f)));
+    const simplified = negative(tangent.solve(equilibrium.outOfBalance(once, f)));
     const twice = plus(once, simplified);
-    const further = negative(equilibrium.solve(factor, finiteResidual(equilibrium, twice, f)));
+    const further = negative(tangent.solve(equilibrium.outOfBalance(twice, f)));
     const { atRest, perDisplacement } = equilibrium.roundOff;
     const size = norm(u);
-    const last = norm(round === 0 ? simplified : step); // improved states must be closer
+    const improved = round > 0 || equilibrium.solid.projects; // improved states must be closer
+    const last = norm(improved ? step : simplified);
     const contracts =
       isSmall(norm(plus(plus(start, u, -1), step, -1)), step, simplified, further, last) ||
       norm(r) <= atRest + perDisplacement * size ||
       last <= NEGLIGIBLE * size;
-    settled = stable && contracts;
-    u = settled ? twice : (searched(equilibrium, f, u, r, step) ?? u);
+    settled = tangent.stable && contracts;
+    const advance = equilibrium.pressure ? damped : searched;
+    u = settled ? twice : (advance(equilibrium, f, u, r, step, tangent) ?? u);
   }
   return { error: plus(predicted, u, -1), inverted: 0, settled };
 }
@@ -85,13 +87,6 @@ function ratio(following: number, first: number): number {
   return first === 0 ? 0 : following / first;
 }
 
-/** r(u) in N; no numbers where a cell is inverted, or one is not finite. */
-function finiteResidual(equilibrium: Equilibrium, u: Float64Array, f: Float64Array): Float64Array {
-  const r = equilibrium.outOfBalance(u, f);
-  const isFinite = equilibrium.solid.inverted(u) === 0 && r.every(Number.isFinite);
-  return isFinite ? r : r.fill(NaN);
-}
-
 function negative(a: Float64Array): Float64Array {
   return a.map((value) => -value);
 }
@@ -113,6 +108,24 @@ function searched(
     if (!(change <= equilibrium.rounding)) continue;
     if (change <= SUFFICIENT * part * slope) return trial;
     if (dot(equilibrium.outOfBalance(trial, f), step) <= (2 * SUFFICIENT - 1) * slope) return trial;
+  }
+  return null;
+}
+
+/** Step to a state that is closer, by the simplified step from there; it needs no Π. */
+function damped(
+  equilibrium: Equilibrium,
+  f: Float64Array,
+  u: Float64Array,
+  _: Float64Array,
+  step: Float64Array,
+  tangent: Tangent,
+): Float64Array | null {
+  for (let halving = 0; halving < HALVINGS; halving++) {
+    const part = 0.5 ** halving;
+    const trial = plus(u, step, part);
+    const simplified = norm(tangent.solve(equilibrium.outOfBalance(trial, f)));
+    if (simplified <= (1 - part / 4) * norm(step)) return trial;
   }
   return null;
 }

@@ -33,7 +33,7 @@ interface State {
 /**
  * Drive a prediction without inverted cells towards the equilibrium; the best state that was met.
  *
- * @param f - forces in N, (nodes · d)
+ * @param f - forces in N, (points · d)
  * @param predicted - in m
  * @param wanted - asked before every direction; the result is null once it is no longer wanted
  */
@@ -44,9 +44,9 @@ export async function descend(
   predicted: Float64Array,
   wanted: () => Promise<boolean>,
 ): Promise<Float64Array | null> {
-  const { solid } = equilibrium;
+  const { d: dimension } = equilibrium.solid;
   const start = equilibrium.held(predicted);
-  if (solid.inverted(start)) return predicted;
+  if (equilibrium.inverted(start)) return predicted;
   let state: State = { u: start, r: equilibrium.outOfBalance(start, f) };
   let best = start;
   let least = Infinity;
@@ -56,12 +56,12 @@ export async function descend(
     if (!(await wanted())) return null;
     const { u, r } = state;
     const d = direction(compliance.at(u), r, pairs);
-    const estimate = longest(d, solid.d);
+    const estimate = longest(d, dimension);
     if (estimate <= least) [best, least] = [u, estimate];
-    small = estimate <= MARGIN * TOLERANCE * longest(u, solid.d) ? small + 1 : 0;
+    small = estimate <= MARGIN * TOLERANCE * longest(u, dimension) ? small + 1 : 0;
     if (small >= (count === 1 ? 1 : IN_A_ROW)) {
       const last = plus(u, d);
-      return solid.inverted(last) ? u : last;
+      return equilibrium.inverted(last) ? u : last;
     }
     const next = step(equilibrium, f, state, d);
     if (!next && pairs.length === 0) return best;
@@ -103,14 +103,11 @@ function step(
   let part = 1;
   for (let shortening = 0; shortening < SHORTENINGS; shortening++) {
     const u = plus(state.u, d, part);
-    if (equilibrium.solid.inverted(u)) {
-      part /= 2;
-      continue;
-    }
     const r = equilibrium.outOfBalance(u, f);
     const after = dot(d, r);
     if (after <= -TURNED * work) return { u, r };
-    part *= work / (work - after); // where the force along d is zero, if it is linear
+    if (Number.isNaN(after)) part /= 2;
+    else part *= work / (work - after); // where the force along d is zero, if it is linear
   }
   return null;
 }

@@ -3,7 +3,7 @@
 import script from "worker-script";
 import type { Part } from "../loads";
 import type { Certificate } from "./certificate";
-import type { Body, Reply, Request } from "./messages";
+import type { Body, Loading, Reply, Request } from "./messages";
 
 export class Mechanics {
   private readonly responding: Worker;
@@ -16,10 +16,11 @@ export class Mechanics {
   private receiveDescent: (displacement: Float32Array) => void = () => undefined;
 
   /**
-   * @param body - what to compute with
+   * @param responding - body of linear responses and series
+   * @param body - of estimates; null for none
    * @param onColumns - called when responses to a load have arrived
    */
-  constructor(body: Body, onColumns: () => void) {
+  constructor(responding: Body, body: Body | null, onColumns: () => void) {
     const url = URL.createObjectURL(new Blob([script], { type: "text/javascript" }));
     this.responding = new Worker(url);
     this.estimating = new Worker(url);
@@ -35,27 +36,27 @@ export class Mechanics {
       if (data.kind !== "certificate" || data.number !== this.number || !data.certificate) return;
       this.receive(data.certificate);
     };
-    this.send(this.responding, { kind: "body", body });
-    this.send(this.estimating, { kind: "body", body });
+    this.send(this.responding, { kind: "body", body: responding });
+    if (body) this.send(this.estimating, { kind: "body", body });
   }
 
-  /** The load series in m to some order, of forces in N; one is asked for at a time. */
-  series(force: Float64Array, order: number): Promise<Float32Array> {
+  /** The load series in m, at all points, to some order; one is asked for at a time. */
+  series(loading: Loading, order: number): Promise<Float32Array> {
     return new Promise((resolve) => {
       this.receiveSeries = resolve;
-      this.send(this.responding, { kind: "series", force, order });
+      this.send(this.responding, { kind: "series", loading, order });
     });
   }
 
   /** Drive a displacement in m towards the equilibrium, unless other loads are asked for meanwhile. */
   descent(
-    force: Float64Array,
+    loading: Loading,
     displacement: Float64Array,
     receive: (displacement: Float32Array) => void,
   ): void {
     this.receiveDescent = receive;
     this.number++;
-    this.send(this.responding, { kind: "descent", force, displacement, number: this.number });
+    this.send(this.responding, { kind: "descent", loading, displacement, number: this.number });
   }
 
   /** Ask for the responses to the unit components of a load, once. */
@@ -86,13 +87,13 @@ export class Mechanics {
 
   /** Estimate the error of a prediction, and forget the estimates asked for before. */
   estimate(
-    force: Float64Array,
+    loading: Loading,
     displacement: Float64Array,
     receive: (certificate: Certificate) => void,
   ): void {
     this.receive = receive;
     this.number++;
-    this.send(this.estimating, { kind: "certificate", force, displacement, number: this.number });
+    this.send(this.estimating, { kind: "certificate", loading, displacement, number: this.number });
   }
 
   /** Forget the directions and the estimate that were asked for last. */

@@ -1,8 +1,8 @@
 /** Messages between the page and its worker. */
 
-import type { CellType } from "./elements";
-import type { Material } from "./solid";
 import type { Certificate } from "./certificate";
+import type { Reference } from "./gradients";
+import type { Law } from "./tape";
 
 /** Nodes with weights, of each node. */
 export interface Rows {
@@ -11,23 +11,58 @@ export interface Rows {
   weights: Float64Array;
 }
 
-/** The body of the page's mechanics. */
+/** Facets that pressures follow, seen from outside. */
+export interface Surfaces {
+  /** (facets, corners). */
+  facets: Int32Array;
+  corners: number;
+  /** Number of the surface of every facet. */
+  surfaces: Int32Array;
+  /** Weighted shape functions at the quadrature points; ∂N_a/∂ξ there, (corners · (d − 1)). */
+  values: number[][];
+  gradients: number[][];
+}
+
+/** The body of the page's mechanics, as `surrogate/page/body.py` writes it. */
 export interface Body {
+  d: number;
+  /** Number of the points that are nodes of the mesh, the first ones. */
+  nodes: number;
+  /** Of all points of the elements in m, (points, d). */
   coordinates: Float64Array;
   cells: Int32Array;
-  cellType: CellType;
+  /** Number of every cell's law; cells are sorted by it. */
+  parts: Int32Array;
+  laws: Law[];
+  reference: Reference;
+  /** Mean length of an edge in m. */
+  edge: number;
+  /** Functions of a dilation θ that elements have in place of J: at the quadrature points, and their
+   * numbers in every cell; whether cells share them. */
+  dilation: { shapes: number[][]; nodes: Int32Array; joined: boolean } | null;
+  /** Unit directions of fibres, (cells, families, d). */
+  fibres: Float64Array | null;
+  /** Free unknowns: displacements, point · d + component, then θ and p. */
   order: Int32Array;
-  material: Material;
+  surfaces: Surfaces | null;
+  /** Nodes, with weights, whose mean each point between the nodes is at first. */
+  between: Rows | null;
   /** Nodes, with weights, that a force at each node reaches by way of an embedded grid. */
   spread: Rows | null;
+}
+
+/** Forces in N and pressures in Pa. */
+export interface Loading {
+  force: Float64Array;
+  pressures: number[];
 }
 
 export type Request =
   | { kind: "body"; body: Body }
   | { kind: "columns"; key: number; forces: Float64Array[] }
-  | { kind: "series"; force: Float64Array; order: number }
-  | { kind: "descent"; force: Float64Array; displacement: Float64Array; number: number }
-  | { kind: "certificate"; force: Float64Array; displacement: Float64Array; number: number };
+  | { kind: "series"; loading: Loading; order: number }
+  | { kind: "descent"; loading: Loading; displacement: Float64Array; number: number }
+  | { kind: "certificate"; loading: Loading; displacement: Float64Array; number: number };
 
 export type Reply =
   | { kind: "columns"; key: number; columns: Float64Array[] }

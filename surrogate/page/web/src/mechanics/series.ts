@@ -1,117 +1,170 @@
 /**
- * The load series of a Neo-Hookean body with the least potential energy, as `surrogate/series`:
+ * The load series of a body, as `surrogate/series/body_series.py`:
  *
- *   u = Σ_k c_k u_k,  K u_1 = f,  K u_k = −Σ_q w_q P̂_k G,  c = arg min Π(c)
+ *   u = Σ_k c_k u_k,  K u_1 = f + f_{p,1},  K u_k = f_{p,k} − Σ_q w_q P̂_k G,  u_k · r(u) = 0
  *
- * with the part P̂_k of the k-th term of the stress that follows from the terms before it.
+ * with the part P̂_k of the k-th term of the stress that follows from the terms before it, and the
+ * terms of the forces of pressures.
  */
 
-import { energyOfTerms, squares } from "./energy_of_terms";
-import { dot, norm, type Equilibrium } from "./equilibrium";
-import type { Solid } from "./solid";
+import { solve } from "../touch/dense";
+import { dot, norm, plus, type Equilibrium } from "./equilibrium";
+import { contraction, type Field } from "./solid";
 import { StressSeries } from "./stress_series";
+import { trace } from "./tensors";
 
-const EVALUATIONS = 30; // of Π
-const SMALLEST_SHIFT = 1e-9; // of the Hessian, relative to the stiffness of every term
-const SECOND_SHIFT = 1e-3;
-const GROWTH = 10;
-const ROUNDING = 4096 * Number.EPSILON; // of Π, relative
+const STEPS = 30; // of the search for the weights, at most
 const SMALL_STEP = 3e-3; // relative to the last term
 const SMALLEST_STEP = 1e-10; // relative to the first one
-const NEGLIGIBLE = 0.01 * Number.EPSILON; // largest gradient of u_1 beyond which there are more terms
+const SHORTENINGS = 10;
+const SMALL = 1e-5; // gradients whose sum of terms, all weights 1, is right to rounding
+const SHIFT = 1e-9; // of the matrix, relative to its diagonal
+const TINY = 1e-300;
 
-/** Displacements in m under forces in N, both (nodes · d), by a series to some order. */
-export function loadSeries(equilibrium: Equilibrium, f: Float64Array, order: number): Float64Array {
-  const { solid } = equilibrium;
-  const terms = [equilibrium.linearResponse(f)];
-  const slopes = [solid.slopes(terms[0])];
-  const slope = slopes[0].reduce((most, value) => Math.max(most, Math.abs(value)), 0);
-  if (order === 1 || !(slope > NEGLIGIBLE)) return terms[0];
-  const series = new StressSeries(solid.material, solid.d, slopes[0]);
-  while (terms.length < order) {
-    if (terms.length > 1) series.add(slopes[slopes.length - 1]);
-    const balanced = equilibrium.linearResponse(solid.forcesOf(series.nextWithout()));
-    terms.push(balanced.map((value) => -value));
-    slopes.push(solid.slopes(terms[terms.length - 1]));
-  }
-  return sum(terms, leastEnergy(solid, terms, slopes, f));
+/** Terms u_k in m, and their gradients. */
+export interface Terms {
+  u: Float64Array[];
+  slopes: Field[];
 }
 
-/** Σ_k c_k u_k */
-function sum(terms: readonly Float64Array[], c: Float64Array): Float64Array {
-  const total = new Float64Array(terms[0].length);
-  c.forEach((factor, k) => {
-    const term = terms[k];
-    for (let i = 0; i < total.length; i++) total[i] += factor * term[i];
+/** Displacements in m under forces in N, both (points · d), by a series to some order. */
+export function loadSeries(equilibrium: Equilibrium, f: Float64Array, order: number): Float64Array {
+  const terms = seriesTerms(equilibrium, f, order);
+  const total = new Float64Array(f.length);
+  const c = order === 1 ? [1] : weights(equilibrium, terms, f);
+  terms.u.forEach((u, k) => {
+    for (let i = 0; i < total.length; i++) total[i] += c[k] * u[i];
   });
   return total;
 }
 
-/**
- * Coefficients of the least potential energy, by Newton's method with a shift (Levenberg, Marquardt),
- * from terms that fade: c_k = Π_{j≤k} 1 / (1 + (M_jj / M_{j−1,j−1})²), M_kk = Σ_q w_q H_k:H_k.
- */
-function leastEnergy(
-  solid: Solid,
-  terms: readonly Float64Array[],
-  slopes: readonly Float64Array[],
-  f: Float64Array,
-): Float64Array {
-  const n = terms.length;
-  const works = Float64Array.from(terms, (term) => dot(term, f));
-  const stiffness = squares(solid, slopes).map((value) => value * solid.material.mu);
-  const scale = stiffness.map((value) => (value + Number.EPSILON ** 2 * stiffness[0]) ** -0.5);
-  let c = new Float64Array(n).fill(1);
-  for (let k = 1; k < n; k++) c[k] = c[k - 1] / (1 + (stiffness[k] / stiffness[k - 1] || 0) ** 2);
-  let state = energyOfTerms(solid, slopes, c);
-  let potential = state.energy - dot(works, c);
-  let shift = SMALLEST_SHIFT;
-  for (let evaluation = 0; evaluation < EVALUATIONS; evaluation++) {
-    let trial = c.map((value, k) => value * 0.5 ** (k + 1)); // those of half the load
-    if (potential < Infinity) {
-      const { gradient, hessian } = state;
-      const right = gradient.map((value, k) => (value - works[k]) * scale[k]);
-      const scaled = hessian.map((value, i) => value * scale[Math.floor(i / n)] * scale[i % n]);
-      const relative = solved(scaled, right, shift);
-      if (relative) {
-        trial = c.map((value, k) => value - scale[k] * relative[k]);
-        const small = (SMALL_STEP * Math.abs(c[n - 1])) / scale[n - 1] + SMALLEST_STEP / scale[0];
-        if (norm(relative) <= small && shift <= SMALLEST_SHIFT) return trial;
-      }
-      if (!relative) trial = c.map(() => NaN);
+/** Terms of the series. */
+export function seriesTerms(equilibrium: Equilibrium, f: Float64Array, order: number): Terms {
+  const { solid, pressure } = equilibrium;
+  const { blocks, d } = solid;
+  const series = blocks.map(({ law, n, fibres }) => new StressSeries(law, d, n, fibres));
+  const found: Terms = { u: [], slopes: [] };
+  let acting = f;
+  /** P of the next order without what is linear in H. */
+  const begin = (): Field => {
+    const volumes = series.map((block) => block.begin());
+    const dilations = solid.projects ? solid.projected(volumes) : null;
+    const slopes = series.map((block, b) => block.scalars(dilations?.[b] ?? null));
+    const pressures = solid.projects ? solid.projected(slopes) : null;
+    return series.map((block, b) => block.stress(pressures?.[b] ?? null));
+  };
+  begin();
+  for (let k = 1; k <= order; k++) {
+    if (pressure) acting = plus(acting, pressure.ofOrder(found.u));
+    const u = equilibrium.linearResponse(acting);
+    const slopes = solid.slopes(u);
+    found.u.push(u);
+    found.slopes.push(slopes);
+    if (k === order) break;
+    const gains = solid.projects ? solid.projected(slopes.map((h) => trace(h, d))) : null;
+    series.forEach((block, b) => {
+      block.complete(slopes[b], gains?.[b] ?? null);
+    });
+    if (solid.projects) {
+      const more = solid.projected(series.map((block) => block.pressureGain()));
+      series.forEach((block, b) => {
+        block.press(more[b]);
+      });
     }
-    const next = energyOfTerms(solid, slopes, trial);
-    const there = next.energy - dot(works, trial);
-    const falls = there <= potential + ROUNDING * Math.abs(potential);
-    if (falls) [c, state, potential] = [trial, next, there];
-    shift = falls ? SMALLEST_SHIFT : Math.max(SECOND_SHIFT, GROWTH * shift);
+    acting = solid.forcesOf(begin()).map((value) => -value);
+  }
+  return found;
+}
+
+/** Weights of Galerkin's combination, by Newton's method from terms that fade. */
+export function weights(equilibrium: Equilibrium, terms: Terms, f: Float64Array): number[] {
+  const { solid } = equilibrium;
+  const { slopes } = terms;
+  let c = slopes.map(() => 1);
+  const largest = Math.max(
+    ...slopes[0].map((h) => h.reduce((m, x) => Math.max(m, Math.abs(x)), 0)),
+  );
+  if (largest <= SMALL) return c;
+  const squares = slopes.map((h) => work(solid, h, h));
+  const scale = squares.map((square) => (square + TINY) ** -0.5);
+  const works = terms.u.map((u) => dot(u, f));
+  let found = residual(equilibrium, terms, works, c);
+  for (let step = 0; step < STEPS; step++) {
+    if (!found) {
+      c = c.map((value, k) => value * 0.5 ** (k + 1));
+      found = residual(equilibrium, terms, works, c);
+      continue;
+    }
+    const n = c.length;
+    const scaled = found.matrix.map((x, i) => x * scale[Math.floor(i / n)] * scale[i % n]);
+    for (let i = 0; i < n; i++)
+      scaled[i * (n + 1)] += SHIFT * (Math.abs(scaled[i * (n + 1)]) + TINY);
+    const solved = (g: Float64Array): Float64Array | null =>
+      solve(
+        scaled,
+        g.map((value, k) => value * scale[k]),
+        1,
+      );
+    const direction = solved(found.g);
+    if (!direction) return c;
+    const size = norm(direction);
+    const small = (SMALL_STEP * Math.abs(c[n - 1])) / scale[n - 1] + SMALLEST_STEP / scale[0];
+    let taken = false;
+    for (let halving = 0; halving < SHORTENINGS && !taken; halving++) {
+      const part = 0.5 ** halving;
+      const trial = c.map((value, k) => value - part * scale[k] * direction[k]);
+      const after = residual(equilibrium, terms, works, trial);
+      const simplified = after && solved(after.g);
+      taken = simplified !== null && norm(simplified) <= (1 - part / 4) * size + small;
+      if (taken) [c, found] = [trial, after];
+    }
+    if (!taken || size <= small) break;
   }
   return c;
 }
 
-/** Solve (H + shift · I) x = g by Cholesky's method; null if the matrix is not positive definite. */
-function solved(h: Float64Array, g: Float64Array, shift: number): Float64Array | null {
-  const n = g.length;
-  const l = new Float64Array(n * n);
-  for (let i = 0; i < n; i++) {
-    for (let j = 0; j <= i; j++) {
-      let rest = h[i * n + j] + (i === j ? shift : 0);
-      for (let m = 0; m < j; m++) rest -= l[i * n + m] * l[j * n + m];
-      if (i !== j) l[i * n + j] = rest / l[j * n + j];
-      else if (rest > 0) l[i * n + i] = Math.sqrt(rest);
-      else return null;
+/** u_k · r(Σ c u) and its derivative by c; null where cells are inverted. */
+function residual(
+  { solid, pressure }: Equilibrium,
+  { u, slopes }: Terms,
+  works: readonly number[],
+  c: readonly number[],
+): { g: Float64Array; matrix: Float64Array } | null {
+  const n = c.length;
+  const states = solid.deformed(c.map((value, k) => [value, slopes[k]] as const));
+  if (solid.inverted(states) > 0) return null;
+  const stress = states.map((state) => state.stress());
+  const g = Float64Array.from(slopes, (h, k) => work(solid, stress, h) - works[k]);
+  const matrix = new Float64Array(n * n);
+  slopes.forEach((h, l) => {
+    const [change] = solid.changes(states, [h]);
+    for (let k = 0; k <= l; k++) {
+      matrix[k * n + l] = work(solid, change, slopes[k]);
+      matrix[l * n + k] = matrix[k * n + l];
     }
+  });
+  if (pressure) {
+    const at = new Float64Array(u[0].length);
+    u.forEach((term, k) => {
+      for (let i = 0; i < at.length; i++) at[i] += c[k] * term[i];
+    });
+    const forces = pressure.forces(at);
+    u.forEach((term, k) => (g[k] -= dot(forces, term)));
+    pressure.tangents(at, (components, block) => {
+      const m = components.length;
+      const local = u.map((term) => Float64Array.from(components, (i) => term[i]));
+      for (let l = 0; l < n; l++) {
+        for (let i = 0; i < m; i++) {
+          const product = dot(block.subarray(i * m, (i + 1) * m), local[l]);
+          for (let k = 0; k < n; k++) matrix[k * n + l] += local[k][i] * product;
+        }
+      }
+    });
   }
-  const x = new Float64Array(n);
-  for (let i = 0; i < n; i++) {
-    let rest = g[i];
-    for (let m = 0; m < i; m++) rest -= l[i * n + m] * x[m];
-    x[i] = rest / l[i * n + i];
-  }
-  for (let i = n - 1; i >= 0; i--) {
-    let rest = x[i];
-    for (let m = i + 1; m < n; m++) rest -= l[m * n + i] * x[m];
-    x[i] = rest / l[i * n + i];
-  }
-  return x;
+  return g.every(Number.isFinite) && matrix.every(Number.isFinite) ? { g, matrix } : null;
+}
+
+/** Σ w A : B over all points. */
+function work(solid: Equilibrium["solid"], a: Field, b: Field): number {
+  return solid.integral(a.map((part, i) => contraction(part, b[i], solid.blocks[i].n)));
 }

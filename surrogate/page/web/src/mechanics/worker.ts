@@ -8,6 +8,7 @@ import { certify } from "./certificate";
 import { descend } from "./descent";
 import { Equilibrium } from "./equilibrium";
 import type { Body, Reply, Request } from "./messages";
+import { atPoints } from "./points_between";
 import { loadSeries } from "./series";
 import { Solid } from "./solid";
 
@@ -19,6 +20,13 @@ let requests = 0;
 
 function reply(message: Reply): void {
   self.postMessage(message);
+}
+
+/** Forces on all points; they act at the nodes. */
+function onPoints(force: Float64Array): Float64Array {
+  const found = new Float64Array(body.coordinates.length);
+  found.set(force);
+  return found;
 }
 
 /** Let messages arrive that wait. */
@@ -35,7 +43,9 @@ function pause(): Promise<void> {
 
 /** Linear responses in m to nodal forces in N, each by way of the grid if there is one. */
 function columns(forces: readonly Float64Array[]): Float64Array[] {
-  return forces.map((force) => equilibrium.linearResponse(body.spread ? spread(force) : force));
+  return forces.map((force) =>
+    equilibrium.linearResponse(onPoints(body.spread ? spread(force) : force)),
+  );
 }
 
 /** Forces on the nodes that nodal forces reach by way of the grid. */
@@ -55,34 +65,45 @@ function spread(force: Float64Array): Float64Array {
   return found;
 }
 
+/** Whether what is computed is wanted, asked after messages have arrived. */
+function whether(condition: () => boolean): () => Promise<boolean> {
+  return async () => {
+    await pause();
+    return condition();
+  };
+}
+
 self.onmessage = async ({ data }: MessageEvent<Request>) => {
   const request = ++requests;
   if (data.kind === "body") {
     body = data.body;
-    const solid = new Solid(body.coordinates, body.cells, body.cellType, body.material);
-    equilibrium = new Equilibrium(solid, body.order, body.coordinates.length);
-  } else if (data.kind === "columns") {
+    equilibrium = new Equilibrium(new Solid(body));
+    return;
+  }
+  if (data.kind === "columns") {
     reply({ kind: "columns", key: data.key, columns: columns(data.forces) });
-  } else if (data.kind === "series") {
-    const displacement = loadSeries(equilibrium, data.force, data.order);
+    return;
+  }
+  equilibrium.under(data.loading.pressures);
+  const force = onPoints(data.loading.force);
+  if (data.kind === "series") {
+    const displacement = loadSeries(equilibrium, force, data.order);
     reply({ kind: "series", displacement: Float32Array.from(displacement) });
-  } else if (data.kind === "descent") {
+    return;
+  }
+  const { number, kind } = data;
+  if (kind === "descent") {
     compliance ??= new CarriedCompliance(equilibrium);
-    const { force, displacement } = data;
-    const wanted = async (): Promise<boolean> => {
-      await pause();
-      return request === requests;
-    };
-    const found = await descend(equilibrium, compliance, force, displacement, wanted);
-    if (!found) return;
-    reply({ kind: "descent", number: data.number, displacement: Float32Array.from(found) });
+    const u = atPoints(equilibrium, data.displacement, force);
+    const wanted = whether(() => request === requests);
+    const found = await descend(equilibrium, compliance, force, u, wanted);
+    if (found) reply({ kind, number, displacement: Float32Array.from(found) });
   } else {
-    latest = data.number;
-    const wanted = async (): Promise<boolean> => {
-      await pause();
-      return latest === data.number;
-    };
-    const certificate = await certify(equilibrium, data.force, data.displacement, wanted);
-    reply({ kind: "certificate", number: data.number, certificate });
+    latest = number;
+    const u = atPoints(equilibrium, data.displacement, force);
+    const wanted = whether(() => latest === number);
+    const certificate = await certify(equilibrium, force, u, wanted);
+    if (certificate?.error) certificate.error = certificate.error.slice(0, body.nodes * body.d);
+    reply({ kind, number, certificate });
   }
 };

@@ -132,6 +132,10 @@ export class Grips {
   private beside(): string {
     const { loads, stiffness } = this.state;
     const others = loads.acting.filter((load) => !load.held);
-    return JSON.stringify([stiffness, others.map(({ node, force }) => [node, force])]);
+    return JSON.stringify([
+      stiffness,
+      loads.pressures,
+      others.map(({ node, force }) => [node, force]),
+    ]);
   }
 }

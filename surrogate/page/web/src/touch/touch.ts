@@ -188,6 +188,6 @@ export class Touch {
   private beside(): string {
     const { loads, stiffness } = this.state;
     const acting = [...loads.all, loads.body].map(({ node, force }) => [node, force]);
-    return JSON.stringify([stiffness, acting]);
+    return JSON.stringify([stiffness, loads.pressures, acting]);
   }
 }

@@ -2,7 +2,6 @@
 
 import { Vector3 } from "three";
 import type { Content } from "../content";
-import { cornersOf } from "../mechanics/elements";
 
 /** Nodes of the surface that can move. */
 export function movableSurface({ d, vertices, features, clamped }: Content): number[] {
@@ -13,10 +12,9 @@ export function movableSurface({ d, vertices, features, clamped }: Content): num
 /** Unit vector from the middle of the cells at a node of the surface to the node. */
 export function outwardsAt(
   node: number,
-  { cells, cellType }: Content,
+  { cells, corners }: Content,
   at: (node: number) => Vector3,
 ): Vector3 {
-  const corners = cornersOf(cellType);
   const around = new Vector3();
   for (let first = 0; first < cells.length; first += corners) {
     const cell = cells.subarray(first, first + corners);

@@ -1,5 +1,6 @@
 /**
- * Symmetric matrices in the profile of their rows, and their factorisation A = L Lᵀ.
+ * Symmetric matrices in the profile of their rows, and their factorisation A = L S Lᵀ with signs S,
+ * all +1 where A is positive definite.
  *
  * Rows are stored in groups of four, each from the column where the first of the four begins; the
  * factor fills nothing outside this profile. Products of four rows by four rows keep 16 sums in
@@ -52,30 +53,39 @@ export class Profile {
   }
 }
 
-/** The factor L of a positive definite matrix. */
-export class ProfileCholesky {
+/** The factor L of a symmetric matrix, and the signs S of its pivots. */
+export class ProfileFactor {
   private constructor(
     private readonly profile: Profile,
     private readonly values: Float64Array,
+    private readonly signs: Int8Array,
+    /** Number of negative pivots, which is that of the negative eigenvalues. */
+    readonly negative: number,
   ) {}
 
-  /** Factorise a matrix, which is overwritten; null if it is not positive definite. */
-  static of(profile: Profile, values: Float64Array): ProfileCholesky | null {
+  /**
+   * Factorise a matrix, which is overwritten.
+   *
+   * @param most - negative pivots; null if there are more, or one that is 0 or no number
+   */
+  static of(profile: Profile, values: Float64Array, most = 0): ProfileFactor | null {
     const sums = new Float64Array(GROUP * GROUP);
+    const signs = new Int8Array(profile.groups * GROUP).fill(1);
+    let negative = 0;
     for (let group = 0; group < profile.groups; group++) {
-      for (let other = profile.starts[group] >> 2; other < group; other++) {
-        subtractProducts(profile, values, group, other, sums);
-        solveTile(profile, values, group, other, sums);
+      for (let other = profile.starts[group] >> 2; other <= group; other++) {
+        subtractProducts(profile, values, signs, group, other, sums);
+        if (other < group) solveTile(profile, values, signs, group, other, sums);
       }
-      subtractProducts(profile, values, group, group, sums);
-      if (!factoriseTile(profile, values, group, sums)) return null;
+      negative += factoriseTile(profile, values, signs, group, sums);
+      if (!(negative <= most)) return null;
     }
-    return new ProfileCholesky(profile, values);
+    return new ProfileFactor(profile, values, signs, negative);
   }
 
   /** A⁻¹ b, (n,) → (n,). */
   solve(right: Float64Array): Float64Array {
-    const { profile, values } = this;
+    const { profile, values, signs } = this;
     const { groups, starts } = profile;
     const x = new Float64Array(groups * GROUP);
     x.set(right);
@@ -86,6 +96,7 @@ export class ProfileCholesky {
       for (let k = 0; k < row - first; k++) sum -= values[place + k] * x[first + k];
       x[row] = sum / values[place + row - first];
     }
+    for (let row = x.length - 1; row >= 0; row--) x[row] *= signs[row];
     for (let row = x.length - 1; row >= 0; row--) {
       const first = starts[row >> 2];
       const place = profile.place(row, first);
@@ -97,10 +108,11 @@ export class ProfileCholesky {
   }
 }
 
-/** Sums a_rc − Σ_k l_rk l_ck of the tile of two groups of rows, over all columns left of it. */
+/** Sums a_rc − Σ_k l_rk s_k l_ck of the tile of two groups of rows, over all columns left of it. */
 function subtractProducts(
   profile: Profile,
   values: Float64Array,
+  signs: Int8Array,
   group: number,
   other: number,
   sums: Float64Array,
@@ -109,57 +121,26 @@ function subtractProducts(
   const end = other * GROUP;
   const width = profile.width(group);
   const step = profile.width(other);
-  let p0 = profile.offsets[group] + first - profile.starts[group];
-  let q0 = profile.offsets[other] + first - profile.starts[other];
+  let p = profile.offsets[group] + first - profile.starts[group];
+  let q = profile.offsets[other] + first - profile.starts[other];
   const tile = profile.offsets[group] + end - profile.starts[group];
   // prettier-ignore
   let s00 = 0, s01 = 0, s02 = 0, s03 = 0, s10 = 0, s11 = 0, s12 = 0, s13 = 0;
   // prettier-ignore
   let s20 = 0, s21 = 0, s22 = 0, s23 = 0, s30 = 0, s31 = 0, s32 = 0, s33 = 0;
-  for (let k = first; k < end; k++) {
-    const a0 = values[p0],
-      a1 = values[p0 + width];
-    const a2 = values[p0 + 2 * width],
-      a3 = values[p0 + 3 * width];
-    const b0 = values[q0],
-      b1 = values[q0 + step];
-    const b2 = values[q0 + 2 * step],
-      b3 = values[q0 + 3 * step];
-    s00 += a0 * b0;
-    s01 += a0 * b1;
-    s02 += a0 * b2;
-    s03 += a0 * b3;
-    s10 += a1 * b0;
-    s11 += a1 * b1;
-    s12 += a1 * b2;
-    s13 += a1 * b3;
-    s20 += a2 * b0;
-    s21 += a2 * b1;
-    s22 += a2 * b2;
-    s23 += a2 * b3;
-    s30 += a3 * b0;
-    s31 += a3 * b1;
-    s32 += a3 * b2;
-    s33 += a3 * b3;
-    p0++;
-    q0++;
+  // prettier-ignore
+  for (let k = first; k < end; k++, p++, q++) {
+    const s = signs[k];
+    const a0 = values[p], a1 = values[p + width];
+    const a2 = values[p + 2 * width], a3 = values[p + 3 * width];
+    const b0 = s * values[q], b1 = s * values[q + step];
+    const b2 = s * values[q + 2 * step], b3 = s * values[q + 3 * step];
+    s00 += a0 * b0; s01 += a0 * b1; s02 += a0 * b2; s03 += a0 * b3;
+    s10 += a1 * b0; s11 += a1 * b1; s12 += a1 * b2; s13 += a1 * b3;
+    s20 += a2 * b0; s21 += a2 * b1; s22 += a2 * b2; s23 += a2 * b3;
+    s30 += a3 * b0; s31 += a3 * b1; s32 += a3 * b2; s33 += a3 * b3;
   }
-  sums[0] = s00;
-  sums[1] = s01;
-  sums[2] = s02;
-  sums[3] = s03;
-  sums[4] = s10;
-  sums[5] = s11;
-  sums[6] = s12;
-  sums[7] = s13;
-  sums[8] = s20;
-  sums[9] = s21;
-  sums[10] = s22;
-  sums[11] = s23;
-  sums[12] = s30;
-  sums[13] = s31;
-  sums[14] = s32;
-  sums[15] = s33;
+  sums.set([s00, s01, s02, s03, s10, s11, s12, s13, s20, s21, s22, s23, s30, s31, s32, s33]);
   for (let r = 0; r < GROUP; r++) {
     for (let c = 0; c < GROUP; c++) {
       sums[r * GROUP + c] = values[tile + r * width + c] - sums[r * GROUP + c];
@@ -167,10 +148,11 @@ function subtractProducts(
   }
 }
 
-/** Solve for the tile of L right of the diagonal tile of `other`: X L_otherᵀ = sums. */
+/** Solve for the tile of L right of the diagonal tile of `other`: X S L_otherᵀ = sums. */
 function solveTile(
   profile: Profile,
   values: Float64Array,
+  signs: Int8Array,
   group: number,
   other: number,
   sums: Float64Array,
@@ -183,34 +165,39 @@ function solveTile(
     for (let c = 0; c < GROUP; c++) {
       let sum = sums[r * GROUP + c];
       for (let t = 0; t < c; t++)
-        sum -= values[tile + r * width + t] * values[diagonal + c * step + t];
-      values[tile + r * width + c] = sum / values[diagonal + c * step + c];
+        sum -=
+          signs[other * GROUP + t] * values[tile + r * width + t] * values[diagonal + c * step + t];
+      values[tile + r * width + c] =
+        (signs[other * GROUP + c] * sum) / values[diagonal + c * step + c];
     }
   }
 }
 
-/** Factorise a diagonal tile; false if a pivot is not positive. */
+/** Factorise a diagonal tile; the number of negative pivots, NaN if one is 0 or no number. */
 function factoriseTile(
   profile: Profile,
   values: Float64Array,
+  signs: Int8Array,
   group: number,
   sums: Float64Array,
-): boolean {
+): number {
   const width = profile.width(group);
   const tile = profile.place(group * GROUP, group * GROUP);
+  let negative = 0;
   for (let r = 0; r < GROUP; r++) {
     for (let c = 0; c <= r; c++) {
       let sum = sums[r * GROUP + c];
       for (let t = 0; t < c; t++)
-        sum -= values[tile + r * width + t] * values[tile + c * width + t];
-      if (c < r) {
-        values[tile + r * width + c] = sum / values[tile + c * width + c];
-      } else if (sum > 0 && sum < Infinity) {
-        values[tile + r * width + r] = Math.sqrt(sum);
-      } else {
-        return false;
+        sum -=
+          signs[group * GROUP + t] * values[tile + r * width + t] * values[tile + c * width + t];
+      const sign = signs[group * GROUP + c];
+      if (c < r) values[tile + r * width + c] = (sign * sum) / values[tile + c * width + c];
+      else if (sum === 0 || !Number.isFinite(sum)) return NaN;
+      else {
+        if (sum < 0) [signs[group * GROUP + r], negative] = [-1, negative + 1];
+        values[tile + r * width + r] = Math.sqrt(Math.abs(sum));
       }
     }
   }
-  return true;
+  return negative;
 }

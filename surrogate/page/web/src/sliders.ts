@@ -1,46 +1,49 @@
-/** The body force: a slider and a number for every component. */
+/** Numbers that act everywhere, such as components of a body force: a slider and a field for each. */
 
 import { make } from "./elements";
-import type { State } from "./state";
-import { forceUnit, lengthUnit, typed } from "./units";
+import { typed } from "./units";
 
 const STEPS = 100; // of a slider, to each side
 
-export class BodyForce {
+export class Sliders {
   readonly element: HTMLElement;
   private readonly inputs: [HTMLInputElement, HTMLInputElement][];
 
-  /** @param largest - components of the largest body force in N/m³ */
+  /**
+   * @param id - of the element
+   * @param values - which the inputs change
+   * @param largest - numbers at the ends of the sliders
+   * @param names - of the sliders, and what stands before them
+   */
   constructor(
-    private readonly state: State,
+    id: string,
+    private readonly values: number[],
     largest: readonly number[],
+    names: readonly [string, string][],
     changed: () => void,
   ) {
-    const { force } = state.loads.body;
     this.inputs = largest.map((most, i): [HTMLInputElement, HTMLInputElement] => {
       const set = ({ target }: Event): void => {
         const { valueAsNumber } = target as HTMLInputElement;
         if (!Number.isFinite(valueAsNumber)) return;
-        force[i] = valueAsNumber;
+        values[i] = valueAsNumber;
         changed();
       };
       const ends = { min: String(-most), max: String(most), step: String(most / STEPS) };
-      const name = `b${"xyz"[i]}`;
-      const slider = { type: "range", ...ends, input: set, "aria-label": name };
+      const slider = { type: "range", ...ends, input: set, "aria-label": names[i][0] };
       return [make("input", slider), make("input", { type: "number", step: "any", input: set })];
     });
-    const unit = `${forceUnit()}/${lengthUnit()}³`;
     const rows = this.inputs.map(([slider, number], i) =>
-      make("label", { class: "slider" }, `b${"xyz"[i]} in ${unit}`, slider, number),
+      make("label", { class: "slider" }, names[i][1], slider, number),
     );
-    this.element = make("div", { id: "body-force" }, ...rows);
+    this.element = make("div", { id }, ...rows);
     this.update();
   }
 
-  /** Show the body force. */
+  /** Show the numbers. */
   update(): void {
     this.inputs.flat().forEach((input, place) => {
-      const value = typed(this.state.loads.body.force[place >> 1]);
+      const value = typed(this.values[place >> 1]);
       if (document.activeElement !== input) input.value = value;
     });
   }

@@ -1,0 +1,43 @@
+/** The body of the page's mechanics, from what `surrogate/page/body_data.py` has written. */
+
+import type { Body, Rows, Surfaces } from "./messages";
+
+/** Plain data of a body. */
+export interface BodyText extends Pick<Body, "nodes" | "laws" | "reference" | "edge"> {
+  dilation: Omit<NonNullable<Body["dilation"]>, "nodes"> | null;
+  facet: Pick<Surfaces, "values" | "gradients"> | null;
+}
+
+/** An array by its name; null if there is none. */
+export type Find = (name: string) => Float64Array | Int32Array | Uint8Array | null;
+
+export function readBody(text: BodyText, find: Find): Body {
+  const integers = (name: string): Int32Array => find(name) as Int32Array;
+  const points = integers("elements").length / integers("parts").length;
+  const { dilation, facet } = text;
+  return {
+    ...text,
+    d: text.reference.gradients[0].length / points,
+    coordinates: find("points") as Float64Array,
+    cells: integers("elements"),
+    parts: integers("parts"),
+    dilation: dilation && { ...dilation, nodes: integers("dilations") },
+    fibres: find("fibres") as Float64Array | null,
+    order: integers("order"),
+    surfaces: facet && {
+      ...facet,
+      facets: integers("facets"),
+      corners: facet.values[0].length,
+      surfaces: integers("facetSurfaces"),
+    },
+    between: readRows("between", find),
+    spread: null,
+  };
+}
+
+/** Weights of nodes, in rows. */
+export function readRows(name: string, find: Find): Rows | null {
+  const starts = find(`${name}Starts`) as Int32Array | null;
+  const nodes = find(`${name}Nodes`) as Int32Array;
+  return starts && { starts, nodes, weights: find(`${name}Weights`) as Float64Array };
+}

@@ -1,0 +1,71 @@
+"""The page's mechanics, run by node: bodies are asked for what Python computes too."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surrogate.mechanics.out_of_balance import Equilibrium
+from surrogate.page.body_data import body_data, surface_data
+
+Array = NDArray[np.float64]
+WEB = Path(__file__).parents[3] / "surrogate" / "page" / "web"
+SOURCE = Path(__file__).with_name("mechanics_in_node.ts")
+
+
+class PageInNode:
+    """The bundled mechanics.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the bundle is written.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.script = folder / "mechanics.mjs"
+        esbuild = [str(WEB / "node_modules/.bin/esbuild"), str(SOURCE), "--bundle", "--format=esm"]
+        out = [f"--outfile={self.script}", "--log-level=error", "--platform=node"]
+        subprocess.run([*esbuild, *out], check=True)
+
+    def __call__(
+        self,
+        equilibrium: Equilibrium,
+        asks: list[dict[str, Any]],
+        surfaces: Sequence[NDArray[np.int64]] = (),
+    ) -> list[Any]:
+        """Answer questions: `kind`, `force` in N, `pressures` in Pa, and what the kind needs."""
+        text, arrays = body_data(equilibrium)
+        text["facet"], of_surfaces = surface_data(surfaces, equilibrium.geometry.dimension)
+        request = {
+            "text": text,
+            "arrays": {
+                name: {"type": array.dtype.name, "values": array.ravel().tolist()}
+                for name, array in (arrays | of_surfaces).items()
+            },
+            "asks": [
+                {"pressures": []}
+                | {k: numbers(v) if isinstance(v, np.ndarray) else v for k, v in ask.items()}
+                for ask in asks
+            ],
+        }
+        done = subprocess.run(
+            ["node", str(self.script)],
+            input=json.dumps(request),
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        found: list[Any] = json.loads(done.stdout)
+        return found
+
+
+def numbers(field: Array) -> list[float | None]:
+    """Values of a field; null for NaN."""
+    return [None if np.isnan(value) else float(value) for value in field.ravel()]
