@@ -168,4 +168,4 @@ def _quadrature(cell_type: str) -> tuple[NDArray[np.float64], Any]:
 
 def _rows(gradients: NDArray[np.float64]) -> list[list[float]]:
     """Gradients (n_points, n_corners, k) as a list for every point."""
-    return gradients.reshape(len(gradients), -1).tolist()  # type: ignore[no-any-return]
+    return gradients.reshape(len(gradients), -1).tolist()

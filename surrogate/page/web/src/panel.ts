@@ -9,6 +9,7 @@ import { make } from "./elements";
 import { LoadCards } from "./load_cards";
 import { predictCommand } from "./loads";
 import { TOLERANCE } from "./mechanics/descent";
+import { longest } from "./mechanics/equilibrium";
 import type { State } from "./state";
 import { asLength, digits, forceUnit, lengthUnit, place, unitOf } from "./units";
 
@@ -263,16 +264,6 @@ export class Panel {
     });
     return make("div", { class: "row" }, ...buttons);
   }
-}
-
-function longest(vectors: ArrayLike<number>, d: number): number {
-  let most = 0;
-  for (let place = 0; place < vectors.length; place += d) {
-    let sum = 0;
-    for (let i = 0; i < d; i++) sum += vectors[place + i] ** 2;
-    most = Math.max(most, sum);
-  }
-  return Math.sqrt(most);
 }
 
 /** Keys and gestures. */

@@ -8,7 +8,7 @@
  */
 
 import type { CarriedCompliance } from "./carried_compliance";
-import { dot, norm, plus, type Equilibrium } from "./equilibrium";
+import { dot, longest, norm, plus, type Equilibrium } from "./equilibrium";
 
 export const TOLERANCE = 5e-3; // of the largest displacement
 const PAIRS = 8; // of steps and changes of r that are kept
@@ -116,13 +116,4 @@ function remember(pairs: Pair[], s: Float64Array, y: Float64Array): void {
   const work = dot(s, y);
   if (work > CURVED * norm(s) * norm(y)) pairs.push({ s, y, work });
   if (pairs.length > PAIRS) pairs.shift();
-}
-
-/** Largest norm of a node's vector in a field, (nodes · d). */
-function longest(field: Float64Array, d: number): number {
-  let most = 0;
-  for (let node = 0; node < field.length; node += d) {
-    most = Math.max(most, Math.hypot(...field.subarray(node, node + d)));
-  }
-  return most;
 }

@@ -237,6 +237,17 @@ export function norm(a: Float64Array): number {
   return Math.sqrt(dot(a, a));
 }
 
+/** Largest length of a node's vector in a field, (nodes · d). */
+export function longest(field: ArrayLike<number>, d: number): number {
+  let most = 0;
+  for (let place = 0; place < field.length; place += d) {
+    let sum = 0;
+    for (let i = 0; i < d; i++) sum += field[place + i] ** 2;
+    most = Math.max(most, sum);
+  }
+  return Math.sqrt(most);
+}
+
 /** a + factor · b */
 export function plus(a: Float64Array, b: Float64Array, factor = 1): Float64Array {
   return a.map((value, i) => value + factor * b[i]);

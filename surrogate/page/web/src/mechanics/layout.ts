@@ -49,11 +49,11 @@ export class Layout {
   /** Add the symmetric part of the matrix of some components. */
   add(values: Float64Array, components: Int32Array, k: Float64Array): void {
     const n = components.length;
+    const rows = components.map((component) => this.place[component]);
     for (let a = 0; a < n; a++) {
-      const row = this.place[components[a]];
-      if (row < 0) continue;
-      for (let b = 0; b < n; b++) {
-        const column = this.place[components[b]];
+      const row = rows[a];
+      for (let b = 0; b < n && row >= 0; b++) {
+        const column = rows[b];
         if (column >= 0 && column <= row)
           values[this.profile.place(row, column)] += (k[a * n + b] + k[b * n + a]) / 2;
       }

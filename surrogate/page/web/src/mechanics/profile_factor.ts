@@ -58,7 +58,7 @@ export class ProfileFactor {
   private constructor(
     private readonly profile: Profile,
     private readonly values: Float64Array,
-    private readonly signs: Int8Array,
+    private readonly signs: Float64Array,
     /** Number of negative pivots, which is that of the negative eigenvalues. */
     readonly negative: number,
   ) {}
@@ -70,7 +70,7 @@ export class ProfileFactor {
    */
   static of(profile: Profile, values: Float64Array, most = 0): ProfileFactor | null {
     const sums = new Float64Array(GROUP * GROUP);
-    const signs = new Int8Array(profile.groups * GROUP).fill(1);
+    const signs = new Float64Array(profile.groups * GROUP).fill(1);
     let negative = 0;
     for (let group = 0; group < profile.groups; group++) {
       for (let other = profile.starts[group] >> 2; other <= group; other++) {
@@ -112,7 +112,7 @@ export class ProfileFactor {
 function subtractProducts(
   profile: Profile,
   values: Float64Array,
-  signs: Int8Array,
+  signs: Float64Array,
   group: number,
   other: number,
   sums: Float64Array,
@@ -152,7 +152,7 @@ function subtractProducts(
 function solveTile(
   profile: Profile,
   values: Float64Array,
-  signs: Int8Array,
+  signs: Float64Array,
   group: number,
   other: number,
   sums: Float64Array,
@@ -177,7 +177,7 @@ function solveTile(
 function factoriseTile(
   profile: Profile,
   values: Float64Array,
-  signs: Int8Array,
+  signs: Float64Array,
   group: number,
   sums: Float64Array,
 ): number {

@@ -11,7 +11,7 @@ import { solve } from "../touch/dense";
 import { dot, norm, plus, type Equilibrium } from "./equilibrium";
 import { contraction, type Field } from "./solid";
 import { StressSeries } from "./stress_series";
-import { trace } from "./tensors";
+import { addProduct, trace } from "./tensors";
 
 const STEPS = 30; // of the search for the weights, at most
 const SMALL_STEP = 3e-3; // relative to the last term
@@ -30,10 +30,14 @@ export interface Terms {
 /** Displacements in m under forces in N, both (points · d), by a series to some order. */
 export function loadSeries(equilibrium: Equilibrium, f: Float64Array, order: number): Float64Array {
   const terms = seriesTerms(equilibrium, f, order);
-  const total = new Float64Array(f.length);
-  const c = order === 1 ? [1] : weights(equilibrium, terms, f);
-  terms.u.forEach((u, k) => {
-    for (let i = 0; i < total.length; i++) total[i] += c[k] * u[i];
+  return combined(terms.u, order === 1 ? [1] : weights(equilibrium, terms, f));
+}
+
+/** Σ c_k u_k */
+function combined(u: readonly Float64Array[], c: readonly number[]): Float64Array {
+  const total = new Float64Array(u[0].length);
+  u.forEach((term, k) => {
+    addProduct(total, c[k], term);
   });
   return total;
 }
@@ -144,10 +148,7 @@ function residual(
     }
   });
   if (pressure) {
-    const at = new Float64Array(u[0].length);
-    u.forEach((term, k) => {
-      for (let i = 0; i < at.length; i++) at[i] += c[k] * term[i];
-    });
+    const at = combined(u, c);
     const forces = pressure.forces(at);
     u.forEach((term, k) => (g[k] -= dot(forces, term)));
     pressure.tangents(at, (components, block) => {

@@ -6,7 +6,7 @@
  * with updates that keep C symmetric and positive definite.
  */
 
-import { dot } from "../mechanics/equilibrium";
+import { dot, norm } from "../mechanics/equilibrium";
 
 const UPDATES = 40; // changes that are kept
 const RECENT = 8; // those that are kept when there are too many
@@ -61,8 +61,8 @@ export class LinearBody {
   /** Let a change of the forces in N on some nodes have its effect in m, both (nodes · d). */
   learn(nodes: number[], change: Float64Array, effect: Float64Array): void {
     const work = dot(effect, change);
-    const size = length(change);
-    if (nodes.length === 0 || work <= PARALLEL * length(effect) * size) return;
+    const size = norm(change);
+    if (nodes.length === 0 || work <= PARALLEL * norm(effect) * size) return;
     const expected = this.moved(nodes, change);
     if (!expected) return;
     this.changes.push({ nodes, change, effect });
@@ -74,7 +74,7 @@ export class LinearBody {
     }
     const lack = effect.map((value, i) => value - expected[i]);
     const slope = dot(lack, change);
-    if (slope > PARALLEL * length(lack) * size) {
+    if (slope > PARALLEL * norm(lack) * size) {
       this.add(lack, slope, 1);
     } else if (slope < 0) {
       this.add(effect, work, 1);
@@ -99,10 +99,6 @@ export class LinearBody {
   private add(vector: Float64Array, square: number, sign: number): void {
     this.vectors.push({ vector: vector.map((value) => value / Math.sqrt(square)), sign });
   }
-}
-
-function length(a: Float64Array): number {
-  return Math.sqrt(dot(a, a));
 }
 
 /** sum += factor · a */
