@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -80,7 +80,7 @@ def mechanics_of(surrogate: Surrogate) -> Mechanics:
         If the network contains the linear response, or the page has no network, and the body is
         none that the learner knows.
     """
-    geometry = surrogate.geometry
+    geometry = replace(surrogate.geometry, pressed_by_corners=False)  # as new loads press
     responds = surrogate.network.linear is not None
     alone = isinstance(surrogate.network.network, NoNetwork)
     body: dict[str, Any] | None = None
