@@ -19,6 +19,9 @@ const SMALLEST_STEP = 1e-10; // relative to the first one
 const SHORTENINGS = 10;
 const SMALL = 1e-5; // gradients whose sum of terms, all weights 1, is right to rounding
 const SHIFT = 1e-9; // of the matrix, relative to its diagonal
+const SECOND_SHIFT = 1e-3;
+const GROWTH = 10;
+const ROUNDING = 4096 * Number.EPSILON; // of Π, relative
 const TINY = 1e-300;
 
 /** Terms u_k in m, and their gradients. */
@@ -80,7 +83,10 @@ export function seriesTerms(equilibrium: Equilibrium, f: Float64Array, order: nu
   return found;
 }
 
-/** Weights of Galerkin's combination, by Newton's method from terms that fade. */
+/**
+ * Weights of Galerkin's combination, by Newton's method; where that ends elsewhere, and there is an
+ * energy, those of the least one.
+ */
 export function weights(equilibrium: Equilibrium, terms: Terms, f: Float64Array): number[] {
   const { solid } = equilibrium;
   const { slopes } = terms;
@@ -110,7 +116,7 @@ export function weights(equilibrium: Equilibrium, terms: Terms, f: Float64Array)
         1,
       );
     const direction = solved(found.g);
-    if (!direction) return c;
+    if (!direction) break;
     const size = norm(direction);
     const small = (SMALL_STEP * Math.abs(c[n - 1])) / scale[n - 1] + SMALLEST_STEP / scale[0];
     let taken = false;
@@ -122,7 +128,50 @@ export function weights(equilibrium: Equilibrium, terms: Terms, f: Float64Array)
       taken = simplified !== null && norm(simplified) <= (1 - part / 4) * size + small;
       if (taken) [c, found] = [trial, after];
     }
-    if (!taken || size <= small) break;
+    if (size <= small && taken) return c;
+    if (!taken) break;
+  }
+  return equilibrium.pressure ? c : lowest(equilibrium, terms, works, squares);
+}
+
+/** Weights of the least energy, by Newton's method with a shift (Levenberg, Marquardt), from terms that fade. */
+function lowest(
+  equilibrium: Equilibrium,
+  terms: Terms,
+  works: readonly number[],
+  squares: readonly number[],
+): number[] {
+  const n = squares.length;
+  const scale = squares.map((square) => (square + TINY) ** -0.5);
+  let c = squares.map(() => 1);
+  for (let k = 1; k < n; k++) c[k] = c[k - 1] / (1 + (squares[k] / (squares[k - 1] + TINY)) ** 2);
+  let state = residual(equilibrium, terms, works, c);
+  let shift = SHIFT;
+  for (let evaluation = 0; evaluation < STEPS; evaluation++) {
+    let trial = c.map((value, k) => value * 0.5 ** (k + 1)); // those of half the load
+    if (state) {
+      const { g, matrix } = state;
+      const right = g.map((value, k) => value * scale[k]);
+      const scaled = matrix.map((x, i) => x * scale[Math.floor(i / n)] * scale[i % n]);
+      const stiffness = Math.abs(scaled[0]);
+      for (let i = 0; i < n; i++) scaled[i * (n + 1)] += shift * stiffness;
+      const step = solve(scaled, right, 1);
+      const falls = step !== null && dot(step, right) >= 0;
+      if (falls) {
+        trial = c.map((value, k) => value - scale[k] * step[k]);
+        const small = (SMALL_STEP * Math.abs(c[n - 1])) / scale[n - 1] + SMALLEST_STEP / scale[0];
+        if (norm(step) <= small && shift <= SHIFT) return trial;
+      } else trial = c.map(() => NaN);
+    }
+    const next = residual(equilibrium, terms, works, trial);
+    const falls =
+      next !== null &&
+      !(
+        next.potential >
+        (state?.potential ?? Infinity) + ROUNDING * Math.abs(state?.potential ?? 0)
+      );
+    if (falls || !state) [c, state] = [trial, next];
+    shift = falls ? SHIFT : Math.max(SECOND_SHIFT, GROWTH * shift);
   }
   return c;
 }
@@ -133,7 +182,7 @@ function residual(
   { u, slopes }: Terms,
   works: readonly number[],
   c: readonly number[],
-): { g: Float64Array; matrix: Float64Array } | null {
+): { g: Float64Array; matrix: Float64Array; potential: number } | null {
   const n = c.length;
   const states = solid.deformed(c.map((value, k) => [value, slopes[k]] as const));
   if (solid.inverted(states) > 0) return null;
@@ -162,7 +211,10 @@ function residual(
       }
     });
   }
-  return g.every(Number.isFinite) && matrix.every(Number.isFinite) ? { g, matrix } : null;
+  const potential = solid.energy(states) - works.reduce((sum, work, k) => sum + work * c[k], 0);
+  return g.every(Number.isFinite) && matrix.every(Number.isFinite)
+    ? { g, matrix, potential }
+    : null;
 }
 
 /** Σ w A : B over all points. */
