@@ -155,9 +155,6 @@ REASONS: tuple[Fields, ...] = ()
 OPEN: tuple[Fields, ...] = (
     Fields("for elements without points between the nodes", ("fast",), elements=BETWEEN),
     Fields("for Neo-Hookean materials that differ in E alone", ("fast",), materials=RUBBER),
-    Fields("for elements without points between the nodes", ("page",), elements=BETWEEN),
-    Fields("for one Neo-Hookean material", ("page",), materials=RUBBER),
-    Fields("no estimated errors under pressures", ("page",), (PRESSURE,)),
     Fields("for elements without points between the nodes", ("hold", "identify"), (DEAD,), BETWEEN),
     Fields("beside forces, not pressures", BESIDE, (PRESSURE,)),
     Fields("the series of linear elements of one Neo-Hookean material, else K⁻¹f", ("export",)),
