@@ -173,6 +173,7 @@ def stresses(body: Body) -> None:
 
 
 def page(body: Body) -> None:
+    """It estimates errors; `tests.surrogate.page.test_mechanics` has its numbers."""
     assert surrogate.write_page(body.run, body.folder / "page.html").estimates
 
 
