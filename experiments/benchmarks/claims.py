@@ -53,7 +53,7 @@ def claim(model: surrogate.Surrogate, loads: SuspectLoads, number: int, seed: in
     kind = KINDS[number % len(KINDS)]
     force = loads.draw(kind, np.random.default_rng([seed, number]))
     begun = time.process_time()
-    mean, (last,) = model.mean_and_last_term(force)
+    mean, (last,) = model.predictor.respond(force)
     is_early = number // len(KINDS) % 2 == 0
     aim, last_term = Aim(TOLERANCE), float(last) if is_early else np.inf
     u, found = model.descend(force, None, mean, aim, last_term)

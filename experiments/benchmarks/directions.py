@@ -55,7 +55,7 @@ def compare(name: str, count: int, seed: int) -> Results:
         dead, follows = separated(geometry, force)
         if number == 0:  # compiles, and fills caches
             model.descend(dead[0], follows, model.predict(force[0]), Aim(TOLERANCES[-1]))
-        work = partial(model.mean_and_last_term, force[0])
+        work = partial(model.predictor.respond, force[0])
         (plain, last), taken = timed(work, time.process_time)
         driven, times = [plain], [taken]
         ends = []

@@ -3,10 +3,10 @@
 =====================  ========================================================================
 `loading`              a network from a run folder, or from the package
 `surrogate`            the network with its body: `Surrogate.solve`, certificates, corrections
-`trained_network`      its base: predictions and their distributions
+`trained_network`      its base: what it predicts, and when it warns
 `body`                 the base of that: equilibrium, stresses and reactions of the body
 `given_load`           the load that `solve` takes: arrays, or texts and files of a command
-`batched_prediction`   distributions under any number of loads
+`prediction`           displacements under loads, by a series or a network
 `solution`             what `solve` returns; its figure is `solution_figure`
 `stiffness`            another Young's modulus than that of the run
 `training_range`       warnings about forces unlike those of the training

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -34,14 +33,25 @@ from surrogate.series.series_response import SeriesResponse
 
 if TYPE_CHECKING:
     from surrogate.descent import Aim, Descent, DrivenBody
-    from surrogate.inference.surrogate import Surrogate
     from surrogate.mechanics.solids.solid import Solid
 
 Array = NDArray[np.float64]
 LARGE = 20000  # components whose stiffness is not factorised for a load like those of a training
 
 
-class TrainedBody:
+class Remade:
+    """What is computed once and kept is no part of a copy."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out what is computed at first use: a copy computes it again."""
+        return {
+            name: value
+            for name, value in self.__dict__.items()
+            if not isinstance(getattr(type(self), name, None), cached_property)
+        }
+
+
+class TrainedBody(Remade):
     """The body of a run, as far as no prediction is needed.
 
     Parameters
@@ -56,14 +66,6 @@ class TrainedBody:
         self, network: FieldNetwork, geometry: Geometry, description: RunDescription
     ) -> None:
         self.network, self.geometry, self.description = network, geometry, description
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Leave out what is computed at first use: a copy computes it again."""
-        return {
-            name: value
-            for name, value in self.__dict__.items()
-            if not isinstance(getattr(type(self), name, None), cached_property)
-        }
 
     @cached_property
     def equilibrium(self) -> Equilibrium:
@@ -93,27 +95,6 @@ class TrainedBody:
     def require_nodes_alone(self, what: str, instead: str) -> None:
         """Raise InputError if elements have points between the nodes; say what is there instead."""
         require_nodes_alone(self.description.data.case, self.geometry.cell_type, what, instead)
-
-    def with_young_moduli(self, moduli: Mapping[str, float]) -> Surrogate:
-        """Make the same load series for a body whose zones have other Young's moduli.
-
-        The stiffness of the body at rest is factorised anew; all that is computed from the body is
-        that of the new one, and its fast bounds would have to be calibrated again.
-
-        Parameters
-        ----------
-        moduli : mapping of str to float
-            Young's modulus at rest in Pa by group of the case's materials; others stay.
-
-        Raises
-        ------
-        InputError
-            If the model has learned from samples, the body is of one material, there is no such
-            group, or a modulus is not positive and finite.
-        """
-        from surrogate.inference.stiffness import with_zones
-
-        return with_zones(cast("Surrogate", self), moduli)
 
     @cached_property
     def blocks(self) -> BlockSolve | None:

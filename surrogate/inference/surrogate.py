@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal
@@ -27,6 +27,7 @@ from surrogate.inference.given_load import (
     given_load,
     without_pressure,
 )
+from surrogate.inference.prediction import certain
 from surrogate.inference.trained_network import TrainedNetwork
 from surrogate.mechanics.follower_pressure import FollowerPressure
 from surrogate.probabilistic.distribution import Distribution
@@ -159,12 +160,11 @@ class Surrogate(TrainedNetwork):
         passes = PASSES if passes is None else passes
         dead, pressure = given.load, following(given)
         last_term = math.inf
-        if self.is_response_alone:
-            found, last = self.responses(dead, pressure, force)
-            network = Distribution(found, np.zeros_like(found), np.zeros_like(found))
-            last_term = float(last[0])
-        else:
+        if self.predictor.series is None:
             network = self.averaged_passes(force, passes, seed or 0)
+        else:
+            mean, (last_term,) = self.predictor.under(dead, pressure, force)
+            network = certain(mean)
         weighs = body_force is not None
         self.training_range.log(force, weighs)
         interval = None
@@ -182,7 +182,9 @@ class Surrogate(TrainedNetwork):
             from surrogate.descent.aim import Aim
 
             aim = Aim(tolerance, budget, in_metres=certify is not None)
-            displacement, descent = self.descend(dead, pressure, network.mean, aim, last_term)
+            displacement, descent = self.descend(
+                dead, pressure, network.mean, aim, float(last_term)
+            )
         is_own = np.array_equal(displacement, network.mean)
         is_own = is_own or (descent is not None and descent.kept)
         what = f"the largest {'predicted' if correction is None else 'corrected'} displacement"
@@ -231,6 +233,27 @@ class Surrogate(TrainedNetwork):
             units=self.description.data.units,
         )
         return solution if young_modulus is None else stiffened(solution, factor)
+
+    def with_young_moduli(self, moduli: Mapping[str, float]) -> Surrogate:
+        """Make the same load series for a body whose zones have other Young's moduli.
+
+        The stiffness of the body at rest is factorised anew; all that is computed from the body is
+        that of the new one, and its fast bounds would have to be calibrated again.
+
+        Parameters
+        ----------
+        moduli : mapping of str to float
+            Young's modulus at rest in Pa by group of the case's materials; others stay.
+
+        Raises
+        ------
+        InputError
+            If the model has learned from samples, the body is of one material, there is no such
+            group, or a modulus is not positive and finite.
+        """
+        from surrogate.inference.stiffness import with_zones
+
+        return with_zones(self, moduli)
 
     # --- certificates and corrections -------------------------------------------------------------
 
@@ -300,7 +323,7 @@ class Surrogate(TrainedNetwork):
         fast, loads, std = self._fast_of_level(level), checked_loads(self.geometry, forces), None
         dead, follows = without_pressure(self.geometry, loads, pressure)
         if predicted is None and self.is_probabilistic:
-            network = self._averaged(loads, PASSES, 0)
+            network = self.predictor.distribution(loads, PASSES, 0)
             predicted, std = network.mean, network.std
         return fast.certify(dead, self._displacement(loads, predicted), level, std, follows)
 
@@ -400,7 +423,7 @@ class Surrogate(TrainedNetwork):
         """Return given displacements, checked; predict them if they are not given."""
         nodal = loads[..., : len(self.geometry.coordinates), :]
         if predicted is None:
-            return self._mean(loads)
+            return self.predictor.respond(loads)[0]
         displacement = real_numbers(predicted, "predicted displacements")
         if displacement.shape != nodal.shape:
             raise InputError(f"predicted has shape {displacement.shape}, expected {nodal.shape}")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, overload
 
@@ -17,29 +16,19 @@ from shared_schema.common.errors import InputError
 from surrogate.data.geometry import SURFACE, Geometry
 from surrogate.data.load_range import PressedNodes, known_families
 from surrogate.device import Precision
-from surrogate.inference.batched_prediction import BatchedPrediction
 from surrogate.inference.body import TrainedBody
-from surrogate.inference.given_load import checked_loads, separated, without_pressure
+from surrogate.inference.given_load import checked_loads, without_pressure
+from surrogate.inference.prediction import Predictor
 from surrogate.inference.training_range import TrainingRange
-from surrogate.mechanics.follower_pressure import FollowerPressure
-from surrogate.models.series_model import SeriesModel
 from surrogate.networks.field_network import FieldNetwork
-from surrogate.networks.held_nodes import HeldNodes
-from surrogate.networks.no_network import NoNetwork
-from surrogate.networks.nodal_network import NodalNetwork
 from surrogate.networks.unet import parameter_count
 from surrogate.probabilistic.distribution import Distribution
-from surrogate.probabilistic.stochastic_passes import PASSES, Passes, require_passes
+from surrogate.probabilistic.stochastic_passes import PASSES, require_passes
 from surrogate.runs.description import RunDescription
-from surrogate.series.body_series import BodySeries
-from surrogate.series.series_response import SeriesResponse
 from surrogate.time_limit import require_time
 
 if TYPE_CHECKING:
     from surrogate.descent import Aim
-    from surrogate.one_load.backend import OneLoad
-    from surrogate.one_load.response_alone import ResponseAlone
-    from surrogate.one_load.some_nodes import SomeNodes
 
 Array = NDArray[np.float64]
 
@@ -70,9 +59,8 @@ class TrainedNetwork(TrainedBody):
         self, network: FieldNetwork, geometry: Geometry, description: RunDescription
     ) -> None:
         super().__init__(network.eval(), geometry, description)
-        held = None if geometry.grid.points_are_nodes else HeldNodes(geometry)
-        nodal = NodalNetwork(network, geometry.grid, held)
-        self.nodal_network = nodal.to(network.free.device)
+        self.predictor = Predictor(self)
+        self.nodal_network, self.passes = self.predictor.network, self.predictor.passes
         data = description.data
         self.training_range = TrainingRange.none(geometry)
         if description.run.learns:
@@ -85,11 +73,6 @@ class TrainedNetwork(TrainedBody):
                 known_families(data.case),
                 data.units,
             )
-        self.passes = Passes(network)
-        self._batched = BatchedPrediction(
-            self.nodal_network, self.passes, description.run, geometry.grid.mask.size
-        )
-        self._some_nodes: SomeNodes | None = None  # of the last prediction at some nodes alone
         self.folder: Path | None = None
         self.mean_error: float | None = None
 
@@ -109,21 +92,21 @@ class TrainedNetwork(TrainedBody):
     @property
     def precision(self) -> Precision:
         """Precision of the network's convolutions on a GPU."""
-        return self._batched.precision
+        return self.predictor.batched.precision
 
     @precision.setter
     def precision(self, precision: Precision) -> None:
-        self._batched.precision = precision
+        self.predictor.batched.precision = precision
 
     @property
     def is_probabilistic(self) -> bool:
         """True if the network predicts standard deviations."""
-        return self.is_stochastic or self.description.run.predicts_std
+        return self.predictor.is_probabilistic
 
     @property
     def is_stochastic(self) -> bool:
         """True if passes differ from each other."""
-        return self.passes.differ
+        return self.predictor.is_stochastic
 
     @overload
     def predict(
@@ -156,11 +139,9 @@ class TrainedNetwork(TrainedBody):
     ) -> Array | Tensor:
         """Predict displacements, the means of `predict_distribution`.
 
-        On a CPU, a U-Net or reduced network that is not stochastic predicts one load or a few in
-        NumPy (`surrogate.one_load.backend`), a reduced network any number. Its load series is
-        compiled by Numba, which takes up to 20 s at the first prediction after an installation.
-        The result differs from that of `averaged_passes`, which `solve` uses, and that of a load in
-        a large batch from that alone, by rounding in single precision.
+        Compiled code of Numba computes a load series on a CPU, which takes up to 20 s at the first
+        prediction after an installation. A load of a large batch differs from that load alone by
+        rounding in single precision.
 
         With a tolerance or a budget, directions drive every prediction towards the equilibrium of
         the finite elements until its estimated error is small enough (`surrogate.descent`); a good
@@ -184,8 +165,7 @@ class TrainedNetwork(TrainedBody):
             As that of `Surrogate.certify`, beside a tolerance or a budget, or of a load series that
             follows the surface; by default the pressures that the forces tell.
         nodes : "surface", name of a group of nodes, or array of int, optional
-            Nodes whose displacements are wanted, all by default. A reduced network on a large body
-            computes no others.
+            Nodes whose displacements are wanted, all by default.
 
         Returns
         -------
@@ -200,140 +180,27 @@ class TrainedNetwork(TrainedBody):
             for a body whose equilibrium the learner does not compute.
         """
         require_time()
-        follows = self._body_series is not None  # without directions as well
+        follows = self.predictor.series is not None  # without directions as well
         aim = given_aim(tolerance, budget, None if follows else pressure)
         wanted = None if nodes is None else self.geometry.nodes_of(nodes)
-        if isinstance(forces, Tensor):
-            found = self._predicted_tensor(forces, aim, pressure)
-            return found if wanted is None else found[..., torch.from_numpy(wanted), :]
         loads = checked_loads(self.geometry, forces)
-        nodal = loads[..., : len(self.geometry.coordinates), :]
-        self.training_range.warn(nodal)
-        if aim is not None:
-            driven = self._driven(loads, aim, pressure)
-            return driven if wanted is None else driven[..., wanted, :]
-        if wanted is None:
-            return self._mean(loads, pressure)
-        return self._mean_at(loads, wanted, pressure)
-
-    def _predicted_tensor(
-        self, forces: Tensor, aim: Aim | None, pressure: ArrayLike | None
-    ) -> Tensor:
-        loads = checked_loads(self.geometry, forces)
-        nodal = loads[..., : len(self.geometry.coordinates), :]
-        self.training_range.warn(nodal)
-        kind = forces.dtype if forces.is_floating_point() else torch.float64
-        differentiable = forces.requires_grad and torch.is_grad_enabled()
-        if aim is not None and differentiable:
-            raise InputError(
-                "tolerance and budget: directions have no gradients, expected forces without"
-            )
-        if not differentiable:
+        self.training_range.warn(loads[..., : len(self.geometry.coordinates), :])
+        found: Array | Tensor
+        if isinstance(forces, Tensor) and forces.requires_grad and torch.is_grad_enabled():
+            if aim is not None:
+                raise InputError(
+                    "tolerance and budget: directions have no gradients, expected forces without"
+                )
+            found = self.predictor.differentiable(forces)
+        else:
             if aim is None:
-                found = self._mean(loads, pressure)
+                found, _ = self.predictor.respond(loads, pressure)
             else:
                 found = self._driven(loads, aim, pressure)
-            return torch.from_numpy(found).to(forces.device, kind)
-        samples = forces[..., : nodal.shape[-2], :].reshape(-1, *nodal.shape[-2:])
-        mean = self._batched.mean(samples.to(self.network.free.device), PASSES, 0)
-        return mean.reshape(nodal.shape).to(forces.device)
-
-    def _mean(self, loads: Array, pressure: ArrayLike | None = None) -> Array:
-        """Predict without warnings, at the nodes; a load series looks at all of the loads."""
-        nodal = loads[..., : len(self.geometry.coordinates), :]
-        if self._body_series is not None:
-            return self.responses(*self._told_apart(loads, pressure), nodal)[0]
-        return self.mean_and_last_term(nodal)[0]
-
-    def _mean_at(self, loads: Array, nodes: NDArray[np.int64], pressure: ArrayLike | None) -> Array:
-        """Predict at some nodes alone: (n, d) or (N, n, d)."""
-        from surrogate.one_load.some_nodes import SomeNodes
-
-        nodal = loads[..., : len(self.geometry.coordinates), :]
-        one_load, some = self._one_load, self._some_nodes
-        if one_load is None or not SomeNodes.fits(one_load):
-            return self._mean(loads, pressure)[..., nodes, :]
-        if some is None or some.one_load is not one_load or not np.array_equal(some.nodes, nodes):
-            some = self._some_nodes = SomeNodes(one_load, nodes)
-        found = some(nodal.reshape(-1, *nodal.shape[-2:]))
-        return found.reshape(*nodal.shape[:-2], *found.shape[1:])
-
-    def mean_and_last_term(self, nodal: Array) -> tuple[Array, Array]:
-        """Predict, and tell what the last term of the load series adds.
-
-        Parameters
-        ----------
-        nodal : array, (n_nodes, d) or (N, n_nodes, d)
-            Checked forces in N.
-
-        Returns
-        -------
-        array of the same shape
-            Displacements in m, as of `predict`.
-        array, (N,)
-            Largest displacement of the last term in m; infinite unless a series is all there is.
-        """
-        samples = nodal.reshape(-1, *self.geometry.coordinates.shape)
-        last = np.full(len(samples), np.inf)
-        if self._response_alone is not None and len(samples):
-            mean, last = self._response_alone.several(samples)
-        elif self._one_load is not None and len(samples):
-            mean = self._one_load.several(samples)
-        else:
-            mean = self._averaged(nodal, PASSES, 0).mean
-        return mean.reshape(nodal.shape), last
-
-    @cached_property
-    def _body_series(self) -> BodySeries | None:
-        """The load series of bodies of other materials, elements and loads than `SeriesResponse`.
-
-        None if that has the body's, a network adds to the response, or the run's is the linear one.
-        """
-        run, linear = self.description.run, self.network.linear
-        if not isinstance(run, SeriesModel) or run.series_order == 1:
-            return None
-        one_of_its = isinstance(linear, SeriesResponse) and not self.geometry.has_points_between
-        if one_of_its and self.geometry.pressed is None:
-            return None
-        try:
-            return BodySeries(self.equilibrium, run.series_order)
-        except InputError:  # elements or a material that are not known here
-            return None
-
-    def responses(
-        self, dead: Array, pressure: FollowerPressure | None, nodal: Array
-    ) -> tuple[Array, Array]:
-        """Predict, and tell what the last term of the load series adds, under given loads.
-
-        Parameters
-        ----------
-        dead : array, (n_nodes or n_points, d) or with N before
-            Dead loads in N.
-        pressure : FollowerPressure or None
-            Pressures of the load cases that follow the surface.
-        nodal : array, (n_nodes, d) or (N, n_nodes, d)
-            Nodal forces in N, with those of pressures on the undeformed body.
-
-        Returns
-        -------
-        tuple of array
-            As of `mean_and_last_term`.
-        """
-        series = self._body_series
-        if series is None:
-            return self.mean_and_last_term(nodal)
-        forces = self.equilibrium.forces_at_points(dead.reshape(-1, *dead.shape[-2:]))
-        found, last = series(forces, pressure)
-        return found[:, : nodal.shape[-2]].reshape(nodal.shape), last
-
-    def _told_apart(
-        self, loads: Array, pressure: ArrayLike | None
-    ) -> tuple[Array, FollowerPressure | None]:
-        """Dead loads, and pressures that are given or, if they can be, told from the loads."""
-        if pressure is not None or not self.geometry.surfaces:
-            return without_pressure(self.geometry, loads, pressure)
-        dead, follows = separated(self.geometry, loads.reshape(-1, *loads.shape[-2:]))
-        return dead.reshape(loads.shape), follows
+            if isinstance(forces, Tensor):
+                kind = forces.dtype if forces.is_floating_point() else torch.float64
+                found = torch.from_numpy(found).to(forces.device, kind)
+        return found if wanted is None else found[..., wanted, :]
 
     def _driven(self, loads: Array, aim: Aim, pressure: ArrayLike | None) -> Array:
         """Predict, and drive load by load towards the equilibrium."""
@@ -341,7 +208,7 @@ class TrainedNetwork(TrainedBody):
 
         dead, follows = without_pressure(self.geometry, loads, pressure)
         nodal, driven, missed = loads[..., : len(self.geometry.coordinates), :], [], []
-        mean, last = self.responses(dead, follows, nodal)
+        mean, last = self.predictor.under(dead, follows, loads)
         each = (fields.reshape(-1, *fields.shape[-2:]) for fields in (dead, mean))
         for number, (force, predicted, remainder) in enumerate(zip(*each, last, strict=True)):
             one = None if follows is None else follows[slice(number, number + 1)]
@@ -353,32 +220,6 @@ class TrainedNetwork(TrainedBody):
             others = f", and {len(missed) - 1} other loads" if len(missed) > 1 else ""
             warnings.warn(missed[0] + others, UnreachedToleranceWarning, stacklevel=3)
         return np.array(driven).reshape(nodal.shape)
-
-    @cached_property
-    def _response_alone(self) -> ResponseAlone | None:
-        """The response of the body on the CPU; None if a network adds to it."""
-        alone = isinstance(self.network.network, NoNetwork)
-        if not alone or self.network.free.device.type != "cpu":
-            return None
-        from surrogate.one_load.response_alone import ResponseAlone
-
-        return ResponseAlone(self.nodal_network)
-
-    @property
-    def is_response_alone(self) -> bool:
-        """Whether the prediction is the response of the body, to which no network adds."""
-        return self._body_series is not None or self._response_alone is not None
-
-    @cached_property
-    def _one_load(self) -> OneLoad | None:
-        """The network in NumPy, for one load; None if it is stochastic or has no such form."""
-        if self.is_stochastic or self.network.free.device.type != "cpu":
-            return None
-        from surrogate.one_load.backend import OneLoad, in_numpy
-
-        outputs = len(self.network.displacement_scale)
-        members = in_numpy(self.network.network, self.geometry.grid.shape, outputs)
-        return None if members is None else OneLoad(self.nodal_network, members)
 
     @checked_arguments
     def predict_distribution(
@@ -414,15 +255,7 @@ class TrainedNetwork(TrainedBody):
     ) -> Distribution:
         """Do what `predict_distribution` does, of any network: σ is 0 if it predicts none."""
         require_passes(passes, seed)
-        return self._averaged(checked_loads(self.geometry, forces), passes, seed)
-
-    def _averaged(self, loads: Array, passes: int, seed: int) -> Distribution:
-        nodal = loads[..., : len(self.geometry.coordinates), :]
-        samples = nodal.reshape(-1, *self.geometry.coordinates.shape)
-        if self._body_series is not None:
-            mean, _ = self.responses(*self._told_apart(loads, None), nodal)
-            return Distribution(mean, np.zeros_like(mean), np.zeros_like(mean))
-        return self._batched.distribution(samples, passes, seed).reshaped(nodal.shape)
+        return self.predictor.distribution(checked_loads(self.geometry, forces), passes, seed)
 
     def prepare(self, nodes: str | ArrayLike = SURFACE) -> None:
         """Get ready for loads on some nodes of a large body, such as those that a tool reaches.

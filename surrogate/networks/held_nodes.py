@@ -12,8 +12,6 @@ is positive and :math:`\sum_s E_{is} < 1`.
 
 from __future__ import annotations
 
-from typing import cast
-
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -66,18 +64,6 @@ class HeldNodes(nn.Module):
         of_components = zip(self.extensions, torch.split(fields, 1, dim=1), strict=True)
         return torch.cat([extension(field) for extension, field in of_components], dim=1)
 
-    def of_some(self, fields: Array) -> Array:
-        """Hold the supports of fields, (N, n_nodes, d), in NumPy.
-
-        Threads of PyTorch wait for work for some ms, and would take the cores from those of NumPy.
-        """
-        if len(self.extensions) == 1:
-            return cast(Extension, self.extensions[0]).of_arrays(fields)
-        of_components = zip(self.extensions, np.split(fields, fields.shape[2], 2), strict=True)
-        return np.concatenate(
-            [cast(Extension, extension).of_arrays(field) for extension, field in of_components], 2
-        )
-
 
 class Extension(nn.Module):
     """Values at held nodes, extended to the nodes around and taken off.
@@ -125,13 +111,6 @@ class Extension(nn.Module):
         errors = functional.linear(fields.index_select(2, self.held), self.near)
         padded = functional.pad(errors, (0, 1))
         return fields * self.free - padded.index_select(2, self.row)
-
-    def of_arrays(self, fields: Array) -> Array:
-        """Hold fields (N, n_nodes, channels) on the CPU."""
-        errors = self.near.numpy() @ fields[:, self.held.numpy()].astype(np.float32)
-        padded = np.pad(errors, ((0, 0), (0, 1), (0, 0)))
-        found: Array = fields * self.free.numpy()[:, None] - padded[:, self.row.numpy()]
-        return found
 
     @property
     def share(self) -> Tensor:

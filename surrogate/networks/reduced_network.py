@@ -19,11 +19,9 @@ that the modes cannot represent,
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Annotated, Protocol, Self
+from typing import Annotated, Self
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 from torch import Tensor, nn
 from torch.nn import functional
@@ -137,18 +135,6 @@ class DenseNetwork(nn.Module):
         return self.head(x)
 
 
-class Balanced(Protocol):
-    """Takes coefficients to those of least energy, given scaled work: (N, m) twice → same."""
-
-    def __call__(self, work: Tensor, coefficients: Tensor) -> Tensor:
-        """Tensors, differentiable by the work."""
-
-    def of_arrays(
-        self, work: NDArray[np.float32], coefficients: NDArray[np.float32]
-    ) -> NDArray[np.float32]:
-        """Arrays."""
-
-
 class ReducedNetwork(nn.Module):
     """Map from the scaled force grid to the scaled correction of the linear response.
 
@@ -175,13 +161,13 @@ class ReducedNetwork(nn.Module):
         Terms of higher order, in units of these modes.
     truncation : Tensor, (d · n_free,)
         Root mean square of the part of the scaled corrections that the modes cannot represent.
-    equilibrium : Balanced or None
+    equilibrium : callable or None
         Takes coefficients c to those of least energy (`surrogate.modal_equilibrium`), given the
         scaled work :math:`V^T F` of the forces on the modes: (N, output_modes) twice → same.
         `surrogate.load` sets it.
     """
 
-    equilibrium: Balanced | None = None
+    equilibrium: Callable[[Tensor, Tensor], Tensor] | None = None
     points: Tensor
     encoder: Tensor
     modes: Tensor

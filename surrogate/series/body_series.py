@@ -19,24 +19,22 @@ with the out-of-balance forces r, which is that of least potential energy where 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.util import find_spec
-from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.follower_pressure import FollowerPressure
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.solids.changes import stress_changes
 from surrogate.mechanics.solids.solid import Solid
 from surrogate.series.measured_series import SeriesOfLaw, sum_of, trace
-
-if TYPE_CHECKING:
-    from surrogate.series.compiled_series import CompiledSeries
 
 Array = NDArray[np.float64]
 COMPILES = find_spec("numba") is not None  # a machine that only trains may do without it
@@ -73,21 +71,34 @@ class BodySeries:
         points.
     order : int
         Order n.
+    compliance : Compliance, optional
+        K⁻¹ of the same nodes: it keeps columns, and answers for a large body in single precision.
     """
 
-    def __init__(self, equilibrium: Equilibrium, order: int) -> None:
-        self.equilibrium, self.order = equilibrium, order
+    def __init__(
+        self, equilibrium: Equilibrium, order: int, compliance: Compliance | None = None
+    ) -> None:
+        self.equilibrium, self.order, self.compliance = equilibrium, order, compliance
 
     @cached_property
-    def _compiled(self) -> CompiledSeries | None:
-        """The series of bodies under dead loads alone, where compiled code knows them."""
-        solid = self.equilibrium.solid
+    def _compiled(self) -> Callable[[Array], tuple[Array, Array]] | None:
+        """The series under dead loads alone, where compiled code knows the body."""
+        solid, size = self.equilibrium.solid, self.equilibrium.free.size
         fibres = any(material.family_count for material in solid.materials)
         if solid.projects or fibres or not COMPILES:
             return None
         from surrogate.series.compiled_series import CompiledSeries  # Numba: half a second
+        from surrogate.series.small_series import SmallSeries
 
-        return CompiledSeries(solid, np.float64, self.equilibrium.linear_response, self.order)
+        respond = self.equilibrium.linear_response
+        if SmallSeries.fits(solid, size):
+            units = np.eye(size).reshape(size, *self.equilibrium.free.shape)
+            return SmallSeries(solid, respond(units).reshape(size, size), self.order)
+        if self.compliance is None:
+            return CompiledSeries(solid, np.float64, respond, self.order).of_forces
+        precision = np.float64 if len(self.compliance.matrix) else np.float32
+        kept = self.compliance.respond_at_nodes
+        return CompiledSeries(solid, precision, kept, self.order).of_forces
 
     def __call__(
         self, forces: Array, pressure: FollowerPressure | None = None
@@ -109,9 +120,7 @@ class BodySeries:
             Largest displacement of a point in the last term in m.
         """
         if self._compiled is not None and (pressure is None or not pressure.pressures.any()):
-            first = self.equilibrium.linear_response(forces)
-            beyond, term = self._compiled(first)
-            return first + beyond, np.linalg.norm(term, axis=2).max(axis=1)
+            return self._compiled(forces)
         terms = self.terms(forces, pressure)
         weights = Weights(self.equilibrium, terms, forces, pressure).found()
         displacement = np.einsum("nk,knai->nai", weights, terms.u)

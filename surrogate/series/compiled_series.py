@@ -1,8 +1,8 @@
 r"""The load series, compiled: the combination of its terms that has the least energy.
 
 The terms are those of `surrogate.series.compiled_terms`, with the weights of
-`surrogate.series.compiled_weights`: `small_series` of a small body, and, cell by cell on a large
-one, `CompiledSeries`.
+`surrogate.series.compiled_weights`, cell by cell; on small bodies `surrogate.series.small_series`
+takes less time.
 """
 
 from __future__ import annotations
@@ -13,17 +13,13 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import DTypeLike
 
 from surrogate.mechanics.compiled.cells import Cells
 from surrogate.mechanics.compiled.fields import (
     Array,
-    add_multiple,
-    add_weighted_rows,
-    add_weighted_sums,
     compiled,
     largest,
-    longest,
 )
 from surrogate.mechanics.solids.solid import Solid
 from surrogate.series.compiled_laws import Laws
@@ -34,7 +30,6 @@ from surrogate.series.load_threads import in_threads
 SMALL = 1e-5  # gradients whose sum of terms, all weights 1, is right to rounding
 EPS = float(np.finfo(np.float64).eps)
 SOLVED = 16  # loads that are solved for together: 10 MB each on 4000 nodes in space
-SparseMap = tuple[NDArray[np.int64], Array]  # sources, weights
 
 
 @compiled
@@ -80,67 +75,6 @@ class SeriesBody(NamedTuple):
         return cls(cells, Laws.of(laws), np.array([*np.array(lame).T, at_rest]))
 
 
-class SmallOperators(NamedTuple):
-    """Linear maps of a small body, in double precision.
-
-    Attributes
-    ----------
-    response : array, (n_dofs, n_dofs)
-        Rows: displacements in m under unit forces.
-    body : SeriesBody
-    on_grid : tuple of array, (k, n_grid_points · d²) each
-        From displacements to their gradients on the grid: sources and weights for
-        `add_weighted_sums`.
-    """
-
-    response: Array
-    body: SeriesBody
-    on_grid: SparseMap
-
-
-@compiled
-def small_series(
-    loads: Array, operators: SmallOperators, terms: Terms
-) -> tuple[Array, Array, Array]:
-    r"""Find :math:`\sum_k c_k u_k` on a small body, and the gradient and size of its last term.
-
-    Parameters
-    ----------
-    loads : array, (N, n_nodes, d)
-        In N.
-    operators : SmallOperators
-    terms : Terms
-        Room for those of one load.
-
-    Returns
-    -------
-    displacements : array, (N, n_nodes, d)
-        In m.
-    gradients : array, (N, n_grid_points · d²)
-    lengths : array, (N,)
-        Largest displacement of a node in the last term, in m.
-    """
-    cells, laws, moduli = operators.body
-    displacements, lengths = np.zeros(loads.shape), np.zeros(len(loads))
-    gradients, order = np.zeros((len(loads), operators.on_grid[1].shape[1])), terms.h.shape[2]
-    for load in range(len(loads)):
-        u, c = np.zeros((order, 1, *loads.shape[1:])), np.ones(order)
-        forces = loads[load : load + 1].copy()
-        for k in range(order):
-            add_weighted_rows(forces.ravel(), operators.response, u[k].ravel())
-            forces[:] = 0
-            add_term(k + 1, cells, laws, u[k], terms, forces)
-        if not is_small(terms, 0):
-            potential = potential_of_terms(terms.h[0], cells, laws, moduli)
-            c = least_energy(potential, EPS)
-        for k in range(order):
-            add_multiple(c[k], u[k].ravel(), displacements[load].ravel())
-        last = c[order - 1] * u[order - 1].ravel()
-        add_weighted_sums(*operators.on_grid, last, gradients[load])
-        lengths[load] = abs(c[order - 1]) * longest(u[order - 1, 0])
-    return displacements, gradients, lengths
-
-
 class CompiledSeries:
     """Load series of a body, cell by cell.
 
@@ -160,6 +94,17 @@ class CompiledSeries:
         self, solid: Solid, precision: DTypeLike, respond: Callable[[Array], Array], order: int
     ) -> None:
         self.body, self.respond, self.order = SeriesBody.of(solid, precision), respond, order
+        self.precision = precision
+
+    def of_forces(self, forces: Array) -> tuple[Array, Array]:
+        """Return displacements in m, (N, n_points, d), and largest ones of the last term, (N,).
+
+        Both in double precision, of forces in N.
+        """
+        first = self.respond(forces.astype(self.precision))
+        beyond, term = self(first)
+        last = np.linalg.norm(term, axis=2).max(axis=1)
+        return (first + beyond).astype(np.float64), last.astype(np.float64)
 
     def __call__(self, first: Array) -> tuple[Array, Array]:
         """Response beyond u₁, and its last term, of u₁: (N, n_points, d) in m → same.

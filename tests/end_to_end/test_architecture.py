@@ -53,7 +53,7 @@ LAYERS = {  # packages and root modules; imports go downwards, or anywhere insid
     "surrogate": [
         ["seeds", "device", "hardware", "cuda_graphs", "time_limit", "data"],
         [
-            *("mechanics", "series", "modal_equilibrium", "one_load"),
+            *("mechanics", "series", "modal_equilibrium"),
             *("probabilistic", "networks", "baselines", "optim"),
         ],
         ["models", "runs"],

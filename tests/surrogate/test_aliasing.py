@@ -172,7 +172,6 @@ def tool(given: Given, lower: float = 0.0) -> Sphere:
 Call = Callable[[World, Given], Any]
 OF_MODELS = ["blocks", "equilibrium", "fast_certificate", "fast_estimate"]
 OF_MODELS += ["has_series", "is_probabilistic", "is_stochastic", "precision", "run", "stressed"]
-OF_MODELS += ["is_response_alone"]
 OF_GEOMETRIES = ["dimension", "free", "free_mask", "held", "loaded_body", "movable", "no_pressure"]
 OF_GEOMETRIES += ["surface_facets", "surface_nodes", "surfaces", "tip"]
 OF_GEOMETRIES += ["free_at_points", "loaded_points", "points_between", "pressed_points"]
@@ -252,8 +251,6 @@ CALLS: dict[str, Call] = {
     "Surrogate.reactions_under": lambda w, g: w.model.reactions_under(
         g["forces"], None, g["displacements"]
     ),
-    "Surrogate.mean_and_last_term": lambda w, g: w.model.mean_and_last_term(g["forces"]),
-    "Surrogate.responses": lambda w, g: w.model.responses(g["forces"], None, g["forces"]),
     "Surrogate.descend": lambda w, g: w.model.descend(
         g["force"], None, g["displacement"], Aim(1e-6)
     ),

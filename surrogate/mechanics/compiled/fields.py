@@ -14,7 +14,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-import numpy as np
 from filelock import FileLock
 from numba import njit
 from numpy.typing import NDArray
@@ -161,14 +160,6 @@ def longest(a: Array) -> float:
             total += x * x
         found = max(found, total)
     return found**0.5
-
-
-@compiled
-def add_weighted_sums(sources: NDArray[np.int64], weights: Array, x: Array, out: Array) -> None:
-    """Add a few weighted values to every output: (k, n_out) twice, (n_in,) → (n_out,)."""
-    for k in range(len(weights)):
-        for i in range(len(out)):
-            out[i] += weights[k, i] * x[sources[k, i]]
 
 
 @compiled

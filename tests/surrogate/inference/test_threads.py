@@ -168,14 +168,13 @@ def test_every_public_name_is_called() -> None:
         "balanced",
         "has_series",
         "is_probabilistic",
-        "is_response_alone",
         "is_stochastic",
         "precision",
         "run",
     }
     said |= {"require_stochastic", "require_nodes_alone"}
     said |= {"prepare", "with_young_moduli"}  # which write, or make another model
-    inner = {"descend", "driven_body", "mean_and_last_term", "responses"}  # in predict
+    inner = {"descend", "driven_body"}  # in predict
     inner |= {"blocks"}  # on a GPU, in estimates
     inner |= {"equilibrium", "score_scale", "stressed", "under"}  # in solve, certify and stresses
     inner |= {"stresses_under", "reactions_under"}  # in solve and stresses

@@ -22,7 +22,7 @@ from tests.surrogate.data.test_embedded_dataset import embedded
 from tests.surrogate.embedded_box import on_points
 from tests.surrogate.inference.test_export import run_file
 from tests.surrogate.inference.test_export import untrained as saved
-from tests.surrogate.one_load.test_backend import MECHANICS, untrained
+from tests.surrogate.inference.test_predictor import MECHANICS, untrained
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,7 @@ from surrogate.data.samples import Samples
 from surrogate.inference.surrogate import Surrogate
 from surrogate.networks.field_network import FieldNetwork, share_of_linear
 from tests.surrogate.data.test_embedded_dataset import averaging
-from tests.surrogate.one_load.test_backend import (
+from tests.surrogate.inference.test_predictor import (
     SERIES,
     assert_same_alone,
     loads,
@@ -76,7 +76,7 @@ def test_grids_of_nodes_have_the_last_term_alone(dataset: Dataset) -> None:
 
 
 def test_one_load_and_runs_without_the_share(dataset: Dataset) -> None:
-    """NumPy is PyTorch; weights of a run that has no share are read as before, with a share 0."""
+    """Alone and in a batch; weights of a run without a share are read as with a share 0."""
     model = untrained(dataset, averaging(dataset.geometry.grid), network=SERIES)
     network, force = model.network, loads(dataset)
     state = network.state_dict()

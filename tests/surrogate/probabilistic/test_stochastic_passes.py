@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from surrogate.data.dataset import Dataset
-from surrogate.inference import batched_prediction
 from surrogate.inference.surrogate import Surrogate
+from surrogate.models import batched_prediction
 from surrogate.models.unet_model import UNetModel
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.unet import UNet, UNetConfig

@@ -13,8 +13,6 @@ from shared_schema.common.errors import InputError
 from surrogate.data.dataset import Dataset
 from surrogate.inference.touched_region import compliance_of
 from surrogate.mechanics import compliance
-from surrogate.one_load import small_body
-from surrogate.one_load.some_nodes import SomeNodes
 from surrogate.runs.folder import RunFolder
 
 pytestmark = pytest.mark.filterwarnings("ignore::surrogate.OutsideTrainingWarning")
@@ -24,7 +22,6 @@ pytestmark = pytest.mark.filterwarnings("ignore::surrogate.OutsideTrainingWarnin
 def as_large(monkeypatch: pytest.MonkeyPatch) -> None:
     """Bodies have too many degrees of freedom for dense matrices."""
     monkeypatch.setattr(compliance, "DENSE", 0)
-    monkeypatch.setattr(small_body, "MOST", 0)
 
 
 @pytest.fixture
@@ -45,17 +42,15 @@ def loads(model: surrogate.Surrogate, *shape: int) -> np.ndarray:
 
 
 def test_some_nodes_of_a_reduced_network(reduced: surrogate.Surrogate) -> None:
-    """They are predicted alone, and as among all."""
+    """They are those among all."""
     wanted = np.array([5, 31, 8])
     for force in (loads(reduced), loads(reduced, 3), loads(reduced, 0)):
         expected = reduced.predict(force)[..., wanted, :]
         found = reduced.predict(force, nodes=wanted)
         size = np.abs(expected).max(initial=0)
         np.testing.assert_allclose(found, expected, rtol=0, atol=3e-6 * size)
-    assert isinstance(reduced._some_nodes, SomeNodes)
     surface = reduced.predict(loads(reduced), nodes="surface")
     assert surface.shape == (len(reduced.geometry.nodes_of("surface")), 2)
-    assert reduced._some_nodes.nodes.shape == surface.shape[:1]
 
 
 def test_some_nodes_of_any_network(trained: Path) -> None:

@@ -1,4 +1,4 @@
-"""A single load against the same load in a batch, predicted in NumPy or in PyTorch."""
+"""Loads alone, in batches and in PyTorch on the grid: one prediction, to rounding."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
 from torch import nn
 
 from shared_schema.grid import Grid
@@ -18,14 +17,11 @@ from surrogate.inference.loading import load
 from surrogate.inference.surrogate import Surrogate
 from surrogate.mechanics.compliance import CLOSE, Compliance
 from surrogate.models.model import Model
-from surrogate.one_load import small_body
-from surrogate.one_load.backend import BeforeNetwork, InputsByPyTorch
-from surrogate.one_load.large_body import LargeBody
-from surrogate.one_load.small_body import SmallBody
 from surrogate.runs.config_reader import run_config
 from surrogate.runs.description import describe
-from surrogate.series import series_response
+from surrogate.series import body_series, small_series
 from surrogate.series.series_response import SeriesResponse
+from surrogate.series.small_series import SmallSeries
 from tests.surrogate.data.test_embedded_dataset import averaging
 from tests.surrogate.mechanics.bodies import in_equilibrium
 
@@ -79,10 +75,9 @@ def loads(dataset: Dataset) -> np.ndarray:
     return force
 
 
-def before(model: Surrogate) -> BeforeNetwork:
-    """What computes the inputs of the network."""
-    assert model._one_load is not None
-    return model._one_load.before
+def by_pytorch(model: Surrogate, force: np.ndarray) -> np.ndarray:
+    """Means by the network on the grid."""
+    return model.predictor.batched.distribution(force, 1, 0).mean
 
 
 def assert_same_alone(model: Surrogate, dataset: Dataset) -> None:
@@ -100,64 +95,47 @@ def assert_same_alone(model: Surrogate, dataset: Dataset) -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_load_alone_and_in_a_batch(dataset: Dataset, kind: str) -> None:
     model = untrained(dataset, **KINDS[kind])
-    assert isinstance(before(model), SmallBody)
+    assert (model.predictor.at_nodes is not None) == kind.startswith("reduced")
     assert_same_alone(model, dataset)
+    expected, found = by_pytorch(model, loads(dataset)), model.predict(loads(dataset))
+    np.testing.assert_allclose(found, expected, rtol=0, atol=5e-6 * np.abs(expected).max())
 
 
-def test_small_series_is_that_of_pytorch(dataset: Dataset) -> None:
-    """Compiled, to rounding in single precision; nothing is beyond u₁ under a tiny load."""
-    model, force = untrained(dataset, network=SERIES), loads(dataset)
-    force = np.concatenate([force, 1e-12 * force[1:]])
-    inputs, response = before(model)(force)
-    expected_inputs, expected = InputsByPyTorch(model.nodal_network)(force)
-    assert response is not None
-    assert expected is not None
-    for n in range(len(force)):
-        for found, known in ((response, expected), (inputs, expected_inputs)):
-            size = np.abs(known[n]).max()
-            np.testing.assert_allclose(found[n], known[n], rtol=0, atol=5e-6 * size)
-
-
-@pytest.mark.parametrize("order", [1, 4])
-def test_response_alone(dataset: Dataset, order: int) -> None:
+@pytest.mark.parametrize("order", [1, 2, 4])
+@pytest.mark.parametrize("large", [False, True])
+def test_response_alone(
+    dataset: Dataset, order: int, large: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Without a network, loads are those of PyTorch; the last term is that of the series."""
+    if large:
+        monkeypatch.setattr(small_series, "MOST", 1000)
     model = untrained(dataset, model="series", series_order=order)
     assert_same_alone(model, dataset)
     force = loads(dataset)
-    found, last = model.mean_and_last_term(force)
-    np.testing.assert_allclose(found, model.averaged_passes(force, 1, 0).mean, atol=2e-6)
-    response = model.network.linear
-    if not isinstance(response, SeriesResponse):
+    force = np.concatenate([force, 1e-12 * force[1:]])
+    found, last = model.predictor.respond(force)
+    for one, expected in zip(found, by_pytorch(model, force), strict=True):
+        np.testing.assert_allclose(one, expected, rtol=0, atol=5e-6 * np.abs(expected).max())
+    if order == 1:
         np.testing.assert_array_equal(last, np.inf)
         return
-    with torch.inference_mode():
-        first = response.respond(torch.from_numpy(force).transpose(1, 2))
-        expected = response.beyond_first(first)[1].norm(dim=1).amax(1)
-    np.testing.assert_allclose(last, expected, rtol=1e-6)
-
-
-def test_without_numba(dataset: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(series_response, "COMPILES", False)
-    model = untrained(dataset, network=SERIES)
-    assert isinstance(before(model), InputsByPyTorch)
-    assert_same_alone(model, dataset)
-
-
-def test_large_bodies_have_no_matrix(dataset: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(small_body, "MOST", 1000)
-    model = untrained(dataset, network=MECHANICS)
-    assert isinstance(before(model), InputsByPyTorch)
-    assert_same_alone(model, dataset)
+    series = model.predictor.series
+    assert series is not None
+    assert isinstance(series._compiled, SmallSeries) != large
+    monkeypatch.setattr(body_series, "COMPILES", False)
+    plain = untrained(dataset, model="series", series_order=order)
+    expected, of_plain = plain.predictor.respond(force)
+    assert plain.predictor.series is not None
+    assert plain.predictor.series._compiled is None
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6 * np.abs(expected).max())
+    np.testing.assert_allclose(last[:3], of_plain[:3], rtol=1e-4)
 
 
 @pytest.mark.parametrize("model", ["unet", "reduced"])
 def test_three_dimensions(dataset_3d: Dataset, model: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Large bodies, for which no matrix is kept."""
     monkeypatch.setattr("surrogate.mechanics.compliance.DENSE", 100)
-    monkeypatch.setattr(small_body, "MOST", 1000)
-    surrogate = untrained(dataset_3d, model=model)
-    assert isinstance(before(surrogate), InputsByPyTorch if model == "unet" else LargeBody)
-    assert_same_alone(surrogate, dataset_3d)
+    assert_same_alone(untrained(dataset_3d, model=model), dataset_3d)
 
 
 @pytest.mark.parametrize("inputs", [SERIES["inputs"], ["linear_gradient", "last_gradient"]])
@@ -166,9 +144,7 @@ def test_series_of_large_bodies(
 ) -> None:
     """Cell by cell, by a factor in single precision."""
     monkeypatch.setattr("surrogate.mechanics.compliance.DENSE", 100)
-    monkeypatch.setattr(small_body, "MOST", 1000)
     model = untrained(dataset_3d, network={"inputs": inputs, "skip": "series"})
-    assert isinstance(before(model), InputsByPyTorch)
     assert_same_alone(model, dataset_3d)
 
 
@@ -180,18 +156,19 @@ def test_embedded_grid(dataset: Dataset) -> None:
 
 
 def test_embedded_grid_of_a_large_body(dataset: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Loads on a few nodes are answered by columns, found once; others by PyTorch."""
+    """Loads on a few nodes are answered by columns, found once; others are solved for."""
     monkeypatch.setattr("surrogate.mechanics.compliance.DENSE", 0)
-    monkeypatch.setattr(small_body, "MOST", 1000)
-    model = untrained(dataset, averaging(dataset.geometry.grid), model="reduced")
-    body = before(model)
-    assert isinstance(body, LargeBody)
-    assert body.known(loads(dataset)).tolist()[1:] == [True, False]
+    model, force = untrained(dataset, averaging(dataset.geometry.grid), model="reduced"), loads
     assert_same_alone(model, dataset)
-    monkeypatch.setattr(body.columns, "respond", None)
-    model.predict(2 * loads(dataset)[1])
+    expected, found = by_pytorch(model, force(dataset)), model.predict(force(dataset))
+    np.testing.assert_allclose(found, expected, rtol=0, atol=5e-6 * np.abs(expected).max())
+    at_nodes = model.predictor.at_nodes
+    assert at_nodes is not None
+    assert at_nodes.compliance is None
+    monkeypatch.setattr(at_nodes.kept, "respond", None)
+    model.predict(2 * force(dataset)[1])
     with pytest.raises(TypeError):
-        model.predict(np.roll(loads(dataset)[1], -1, axis=0))
+        model.predict(np.roll(force(dataset)[1], -1, axis=0))
 
 
 def test_distribution_of_a_deterministic_network(trained: Path, dataset: Dataset) -> None:
@@ -207,7 +184,7 @@ def test_stochastic_networks_average_their_passes(make_run: Callable[..., Path])
     model = load(make_run(epochs=1, likelihood="variational_bayes"))
     force = np.zeros(model.geometry.coordinates.shape)
     force[model.geometry.tip] = 1.0
-    assert model._one_load is None
+    assert model.predictor.at_nodes is None
     np.testing.assert_array_equal(model.predict(force), model.predict_distribution(force).mean)
 
 
@@ -227,7 +204,7 @@ def test_passes_respond_linearly_once(dataset: Dataset) -> None:
     [
         ("beam2d_any", 1e-9, 1e-9),
         ("lshape2d_any", 1e-8, 1e-8),
-        ("beam3d_any_reduced", 3e-6, CLOSE),
+        ("beam3d_any_reduced", 1e-4, 1e-4),
         ("finger3d", 1e-6, CLOSE),
         pytest.param("beam3d_any", CLOSE, CLOSE, marks=pytest.mark.slow),
     ],
@@ -236,6 +213,8 @@ def test_a_load_in_a_batch_is_that_load_alone(
     name: str, close: float, close_under_many: float
 ) -> None:
     """To rounding errors; where a factor in single precision solves, to those that it may have.
+
+    A search in modes ends a step earlier or later: to a twentieth of its last step, 2e-3.
 
     Most nodes of the last load are loaded, and those of a large body are solved for.
     """
@@ -269,16 +248,15 @@ def counted_solves(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return solved
 
 
-def test_loads_that_are_left_to_pytorch_share_solves(
+def test_loads_on_an_embedded_grid_share_solves(
     dataset: Dataset, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Loads on all nodes of an embedded grid, 64 of them, are two solves."""
+    """Loads on all nodes, 65 of them, are two solves."""
     monkeypatch.setattr("surrogate.mechanics.compliance.DENSE", 0)
-    monkeypatch.setattr(small_body, "MOST", 1000)
     model = untrained(dataset, averaging(dataset.geometry.grid), model="reduced")
     solved = counted_solves(monkeypatch)
-    model.predict(np.arange(1, 65)[:, None, None] * loads(dataset)[2])
-    assert solved == [32, 32]
+    model.predict(np.arange(1, 66)[:, None, None] * loads(dataset)[2])
+    assert solved == [64, 1]
 
 
 def test_what_the_loads_of_a_batch_share_is_read_once(
@@ -286,7 +264,6 @@ def test_what_the_loads_of_a_batch_share_is_read_once(
 ) -> None:
     """Every term of the series on a large body is one solve, for all loads of a batch."""
     monkeypatch.setattr("surrogate.mechanics.compliance.DENSE", 100)
-    monkeypatch.setattr(small_body, "MOST", 1000)
     monkeypatch.setattr("surrogate.mechanics.kept_responses.LOADED", 0)
     model = untrained(dataset_3d, network=SERIES)
     solved = counted_solves(monkeypatch)
