@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.errors import InputError
-from shared_schema.materials import NeoHookean, as_tuple
 from surrogate.inference.fresh_loads import loads_of
 from surrogate.mechanics.solids.solid import Solid
 from surrogate.modal_equilibrium import (
@@ -20,7 +19,7 @@ from surrogate.modal_equilibrium import (
     ModalEquilibrium,
     fit_cubature,
 )
-from surrogate.networks.free_points import on_grid
+from surrogate.networks.reduced_at_nodes import nodal_modes
 from surrogate.networks.reduced_network import ReducedNetwork
 from surrogate.runs.tensor_file import load_tensors, serialised
 
@@ -59,7 +58,7 @@ def fit_balance(
     for name, value in (("points", points), ("loads", loads)):
         if value < 1:
             raise InputError(f"--{name} {value}: expected 1 at least")
-    solid, modes, rng = surrogate.equilibrium.solid, nodal_modes(surrogate), _random(seed)
+    solid, modes, rng = surrogate.equilibrium.solid, modes_of(surrogate), _random(seed)
     volumes = solid.volumes.numpy()
     per_cell = volumes.shape[1]
     count = min(volumes.size, CANDIDATES)
@@ -105,19 +104,17 @@ def require_balance(surrogate: Surrogate) -> None:
     solid = surrogate.balanced().solid
     if type(solid) is not Solid:
         raise InputError("elements: expected standard ones, whose volumes change at every point")
-    for material in as_tuple(surrogate.description.data.material):
-        if not isinstance(material, NeoHookean):
-            raise InputError(f"material: expected Neo-Hookean, found {material.model}")
+    if solid.fibres is not None:
+        raise InputError("material: expected one without fibres")
 
 
 def balance(surrogate: Surrogate, cubature: Cubature) -> None:
     """Let a network predict coefficients of least energy, by a cubature of `fit_balance`."""
     network = surrogate.network
     assert isinstance(network.network, ReducedNetwork)
-    body = _equilibrium(surrogate, nodal_modes(surrogate), cubature)
+    body = _equilibrium(surrogate, modes_of(surrogate), cubature)
     scale = float(network.displacement_scale.flatten()[0])
     network.network.equilibrium = BalancedCoefficients(body, float(network.force_scale) * scale)
-    surrogate.__dict__.pop("_one_load", None)
 
 
 def read_cubature(path: Path) -> Cubature:
@@ -134,27 +131,19 @@ def cubature_file(cubature: Cubature) -> bytes:
     return serialised({k: torch.from_numpy(v) for k, v in cubature._asdict().items()})
 
 
-@torch.inference_mode()
-def nodal_modes(surrogate: Surrogate) -> Array:
+def modes_of(surrogate: Surrogate) -> Array:
     """Displacements in m of the modes of a reduced network, (m, n_nodes, d)."""
-    field = surrogate.network
-    network = field.network
-    assert isinstance(network, ReducedNetwork)
-    like = network.modes.new_empty(1, surrogate.geometry.dimension, *surrogate.geometry.grid.shape)
-    fields = on_grid(network.modes, network.points, like) * field.displacement_scale * field.movable
-    nodal = surrogate.nodal_network.at_nodes(fields).transpose(1, 2)
-    return nodal.double().cpu().numpy()
+    return nodal_modes(surrogate.nodal_network).transpose(1, 2).double().cpu().numpy()
 
 
 def _equilibrium(surrogate: Surrogate, modes: Array, cubature: Cubature) -> ModalEquilibrium:
     solid = surrogate.equilibrium.solid
-    materials = [m for m in solid.materials if isinstance(m, NeoHookean)]
     return ModalEquilibrium(
         modes,
         solid.cells.numpy(),
         solid.gradients.numpy(),
         cubature,
-        materials,
+        solid.laws,
         surrogate.geometry.parts,
     )
 

@@ -1,4 +1,4 @@
-r"""Equilibrium of a Neo-Hookean body in the modes of a reduced network, in real time.
+r"""Equilibrium of a body in the modes of a reduced network, in real time.
 
 The displacement is that of the linear response :math:`u_1` and modes V. Its smooth part V a has the
 least potential energy

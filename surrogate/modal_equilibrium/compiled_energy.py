@@ -1,14 +1,12 @@
 r"""Energy in modes, its derivatives and its minimum, in loops that Numba compiles.
 
-At every point :math:`e = J - 1` and, with the factors μ, g and d of
-`surrogate.series.stress_series.Factors`,
+At every point, with the derivatives of the energy by its measures
+(`surrogate.mechanics.energy.law`) and :math:`I_1' = 2 F`, :math:`J' = \mathrm{cof} F` and
+:math:`I_2' = 2 \, \mathrm{cof} F × F`,
 
 .. math::
-    W = \tfrac{μ}{2} (F:F - 3) - μ e + \tfrac{g}{2} e^2 + d (e - \ln(1 + e)), \qquad
-    P = μ F + s \, \mathrm{cof} F, \qquad s = g J + d - g - μ - d / J,
-
-.. math::
-    \frac{∂P}{∂F} : H = μ H + s \, F × H + (g + d / J^2) (\mathrm{cof} F : H) \, \mathrm{cof} F.
+    P = \sum_a ψ_a I_a', \qquad \frac{∂P}{∂F} : H = \sum_{a, b} ψ_{ab} \, (I_b' : H) \, I_a'
+        + 2 ψ_1 H + ψ_J \, F × H + 2 ψ_2 (F × (F × H) + \mathrm{cof} F × H).
 
 In the plane :math:`F_{33} = 1`.
 """
@@ -16,12 +14,17 @@ In the plane :math:`F_{33} = 1`.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.mechanics.compiled.fields import compiled
+from surrogate.mechanics.compiled.fields import add_cross_product, compiled, product_of
+from surrogate.mechanics.compiled.tapes import Tapes, values_of
+from surrogate.mechanics.energy.law import Law
+from surrogate.series.compiled_laws import I1, I2, INPUTS, THETA, J, Laws
+from surrogate.series.compiled_weights import pair
 
 SMALLEST_J = 1e-3
 SUFFICIENT = 1e-4  # decrease of a step, over that of its slope (Armijo)
@@ -30,6 +33,7 @@ ROUNDING = 1e-9  # of Π, relative to the stored energy
 LEAST_CUT, HALF = 0.1, 0.5  # of a step that is shortened
 RENEWED = 10  # steps after which the first inverse is computed again
 FIRST_SHIFT, SHIFT_GROWTH = 0.1, 4.0  # relative to the stiffness at rest
+FIRST = 1 + INPUTS  # outputs of an energy tape: the energy, its derivatives, the second ones
 Doubles = NDArray[np.float64]
 Singles = NDArray[np.float32]
 
@@ -43,22 +47,47 @@ class Points(NamedTuple):
         Gradients of the modes in 1/m times the unit of a, row 3 i + j of every point.
     leading : array, (9 · n_points, k)
         Those of the first k modes.
-    mu, growth, decay : array, (n_points,)
-        μ, g and d times the weight of the point, in J.
+    weights : array, (n_points,)
+        In m³.
+    laws : Laws
+    first : Tapes
+        Those of the energies, as far as the energy and its first derivatives.
+    starts : array of int, (n_laws + 1,)
+        First point of every law, then the number of points.
     """
 
     slopes: Singles
     leading: Singles
-    mu: Doubles
-    growth: Doubles
-    decay: Doubles
+    weights: Doubles
+    laws: Laws
+    first: Tapes
+    starts: NDArray[np.int64]
+
+
+class Fields(NamedTuple):
+    """Fields at the points of a cubature.
+
+    Attributes
+    ----------
+    cof, mixed : array, (9, n_points)
+        cof F, and cof F × F, which is zero where no energy depends on I₂.
+    stress : array, (9, n_points)
+        P times the weights of the points.
+    values : array, (n, n_points)
+        Outputs of the tapes of the energies, as many as wanted.
+    """
+
+    cof: Doubles
+    stress: Singles
+    mixed: Doubles
+    values: Doubles
 
 
 @compiled
 def deformation(points: Points, a: Doubles) -> Doubles:
     """F at the points: (m,) → (9, n_points)."""
     f = (points.slopes @ a.astype(np.float32)).astype(np.float64)
-    f = f.reshape(9, len(points.mu))
+    f = f.reshape(9, len(points.weights))
     for i in range(3):
         for q in range(f.shape[1]):
             f[4 * i, q] += 1
@@ -66,30 +95,62 @@ def deformation(points: Points, a: Doubles) -> Doubles:
 
 
 @compiled
-def cofactors(f: Doubles, q: int, out: Doubles) -> float:
-    """Write cof F of a point, and return J."""
-    for i in range(3):
-        i1, i2 = 3 * ((i + 1) % 3), 3 * ((i + 2) % 3)
-        for j in range(3):
-            j1, j2 = (j + 1) % 3, (j + 2) % 3
-            out[3 * i + j] = f[i1 + j1, q] * f[i2 + j2, q] - f[i1 + j2, q] * f[i2 + j1, q]
-    return f[0, q] * out[0] + f[1, q] * out[1] + f[2, q] * out[2]
+def stress_of(points: Points, tapes: Tapes, f: Doubles, fields: Fields) -> bool:
+    """Write the fields of F at the points, (9, n_points); False where J is not positive."""
+    n = f.shape[1]
+    cof, stress, mixed, values = fields
+    space = (3, 3, n)
+    cof[:], mixed[:] = 0, 0
+    add_cross_product(0.5, f.reshape(space), f.reshape(space), cof.reshape(space))
+    for number in range(len(points.starts) - 1):
+        start, stop = points.starts[number], points.starts[number + 1]
+        slots = np.empty((INPUTS + tapes.codes.shape[1], stop - start))
+        slots[I1, :], slots[I2, :], slots[J, :], slots[THETA, :] = 0, 0, 0, 1
+        for r in range(9):
+            for q in range(start, stop):
+                slots[I1, q - start] += f[r, q] * f[r, q]
+                slots[I2, q - start] += cof[r, q] * cof[r, q]
+                if r < 3:
+                    slots[J, q - start] += f[r, q] * cof[r, q]
+        for q in range(stop - start):
+            if not slots[J, q] > SMALLEST_J:
+                return False
+        values_of(number, tapes, slots)
+        for k in range(len(values)):
+            place = tapes.outputs[number, k]
+            if place < 0:
+                values[k, start:stop] = tapes.fixed[number, k]
+            else:
+                values[k, start:stop] = slots[place]
+    if points.laws.second_is.any():
+        add_cross_product(1.0, cof.reshape(space), f.reshape(space), mixed.reshape(space))
+    for r in range(9):
+        for q in range(n):
+            first, second, volume = values[1 + I1, q], values[1 + I2, q], values[1 + J, q]
+            total = 2 * first * f[r, q] + 2 * second * mixed[r, q] + volume * cof[r, q]
+            stress[r, q] = points.weights[q] * total
+    return True
+
+
+@compiled
+def room(outputs: int, n: int) -> Fields:
+    """Make room for fields at some points."""
+    return Fields(
+        np.empty((9, n)), np.empty((9, n), np.float32), np.empty((9, n)), np.empty((outputs, n))
+    )
 
 
 @compiled
 def forces_of_points(points: Points, a: Doubles) -> Doubles:
     """Gradients of the energies of all points: (m,) → (m, n_points)."""
-    f, cofactor = deformation(points, a), np.empty(9)
+    f = deformation(points, a)
     n = f.shape[1]
-    forces = np.zeros((n, len(a)))
+    fields, forces = room(FIRST, n), np.zeros((n, len(a)))
+    stress_of(points, points.first, f, fields)
     for q in range(n):
-        j = cofactors(f, q, cofactor)
-        mu, growth, decay = points.mu[q], points.growth[q], points.decay[q]
-        s = growth * (j - 1) - mu + decay * (j - 1) / j
         for r in range(9):
-            stress = mu * f[r, q] + s * cofactor[r]
             for k in range(len(a)):
-                forces[q, k] += stress * points.slopes[r * n + q, k]
+                forces[q, k] += fields.stress[r, q] * points.slopes[r * n + q, k]
     return forces.T
 
 
@@ -97,21 +158,13 @@ def forces_of_points(points: Points, a: Doubles) -> Doubles:
 def energy_at(points: Points, a: Doubles, force: Doubles, gradient: Doubles) -> float:
     """Return Π in J and write its gradient, (m,); +∞ without it where J is not positive."""
     f = deformation(points, a)
-    stress, cofactor = np.empty(f.shape, np.float32), np.empty(9)
-    energy = 0.0
-    for q in range(f.shape[1]):
-        j = cofactors(f, q, cofactor)
-        if not j > SMALLEST_J:
-            return np.inf
-        e, mu, growth, decay = j - 1, points.mu[q], points.growth[q], points.decay[q]
-        square = 0.0
-        for r in range(9):
-            square += f[r, q] ** 2
-        energy += mu * ((square - 3) / 2 - e) + growth * e * e / 2 + decay * (e - math.log1p(e))
-        s = growth * e - mu + decay * e / j
-        for r in range(9):
-            stress[r, q] = mu * f[r, q] + s * cofactor[r]
-    internal = stress.reshape(-1) @ points.slopes
+    fields = room(FIRST, f.shape[1])
+    if not stress_of(points, points.first, f, fields):
+        return np.inf
+    energy = product_of(points.weights, fields.values[0])
+    if not energy < np.inf:  # no energy, or none that is a number
+        return np.inf
+    internal = fields.stress.reshape(-1) @ points.slopes
     for k in range(len(a)):
         gradient[k] = internal[k] - force[k]
         energy -= force[k] * a[k]
@@ -119,30 +172,52 @@ def energy_at(points: Points, a: Doubles, force: Doubles, gradient: Doubles) -> 
 
 
 @compiled
+def add_crossed(factor: float, f: Doubles, q: int, out: Singles) -> None:
+    """Add the matrix of x A × · at a point, of A in a column: (9, n_points) → (9, 9)."""
+    for i in range(3):
+        i1, i2 = 3 * ((i + 1) % 3), 3 * ((i + 2) % 3)
+        for c in range(3):
+            r, c1, c2 = 3 * i + c, (c + 1) % 3, (c + 2) % 3
+            out[r, i1 + c1] += factor * f[i2 + c2, q]
+            out[r, i2 + c2] += factor * f[i1 + c1, q]
+            out[r, i1 + c2] -= factor * f[i2 + c1, q]
+            out[r, i2 + c1] -= factor * f[i1 + c2, q]
+
+
+@compiled
 def stiffness_of(points: Points, a: Doubles, modes: Singles) -> Doubles:
     """Π'' in J for some of the modes, whose slopes are given: (9 · n_points, k) → (k, k)."""
-    f = deformation(points, a)
-    n, cofactor, turned = f.shape[1], np.empty(9), np.zeros_like(modes)
-    moduli = np.empty((9, 9), np.float32)
+    f, tapes = deformation(points, a), points.laws.energy
+    n, turned = f.shape[1], np.zeros_like(modes)
+    fields = room(tapes.outputs.shape[1], n)
+    stress_of(points, tapes, f, fields)
+    moduli, crossed = np.empty((9, 9), np.float32), np.empty((9, 9), np.float32)
+    by = np.empty((3, 9))  # I_a'
     for q in range(n):
-        j = cofactors(f, q, cofactor)
-        mu, growth, decay = points.mu[q], points.growth[q], points.decay[q]
-        s = growth * (j - 1) - mu + decay * (j - 1) / j
-        second = growth + decay / j**2
+        values = fields.values[:, q]
+        moduli[:] = 0
+        if values[1 + I2] != 0:
+            crossed[:] = 0
+            add_crossed(1.0, f, q, crossed)
+            moduli[:] = np.float32(2 * values[1 + I2]) * (crossed @ crossed)
+            add_crossed(2 * values[1 + I2], fields.cof, q, moduli)
+        add_crossed(values[1 + J], f, q, moduli)
         for r in range(9):
-            for t in range(9):
-                moduli[r, t] = second * cofactor[r] * cofactor[t]
-            moduli[r, r] += mu
-            i, c = r // 3, r % 3
-            i1, i2, c1, c2 = 3 * ((i + 1) % 3), 3 * ((i + 2) % 3), (c + 1) % 3, (c + 2) % 3
-            moduli[r, i1 + c1] += s * f[i2 + c2, q]
-            moduli[r, i2 + c2] += s * f[i1 + c1, q]
-            moduli[r, i1 + c2] -= s * f[i2 + c1, q]
-            moduli[r, i2 + c1] -= s * f[i1 + c2, q]
+            moduli[r, r] += 2 * values[1 + I1]
+            by[I1, r], by[I2, r] = 2 * f[r, q], 2 * fields.mixed[r, q]
+            by[J, r] = fields.cof[r, q]
+        for one in range(3):
+            for other in range(3):
+                factor = values[pair(one, other)]
+                if factor != 0:
+                    for r in range(9):
+                        for t in range(9):
+                            moduli[r, t] += factor * by[one, r] * by[other, t]
         for r in range(9):
             out = turned[r * n + q]
             for t in range(9):
-                factor, slopes = moduli[r, t], modes[t * n + q]
+                factor = np.float32(points.weights[q]) * moduli[r, t]
+                slopes = modes[t * n + q]
                 for k in range(len(out)):
                     out[k] += factor * slopes[k]
     return (modes.T @ turned).astype(np.float64)
@@ -258,10 +333,15 @@ def least_energy(
     return a
 
 
-def points_of(slopes: NDArray[Any], factors: Doubles, leading: int) -> Points:
-    """Make points of gradients (n_points, d, d, m) and factors (3, n_points) times weights."""
+def points_of(
+    slopes: NDArray[Any], weights: Doubles, laws: Sequence[Law], starts: NDArray[np.int64], k: int
+) -> Points:
+    """Make points of gradients (n_points, d, d, m), law after law, with k leading modes."""
     n, d, _, modes = slopes.shape
     of_space = np.zeros((3, 3, n, modes), np.float32)
     of_space[:d, :d] = slopes.transpose(1, 2, 0, 3)
     single = of_space.reshape(9 * n, modes)
-    return Points(single, np.ascontiguousarray(single[:, :leading]), *factors)
+    every = Laws.of(laws)
+    counts = np.maximum(every.energy.outputs[:, :FIRST].max(axis=1) + 1 - INPUTS, 0)
+    first = every.energy._replace(counts=counts)
+    return Points(single, np.ascontiguousarray(single[:, :k]), weights, every, first, starts)

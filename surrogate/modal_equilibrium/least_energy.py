@@ -8,9 +8,8 @@ from types import ModuleType
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.materials import NeoHookean
+from surrogate.mechanics.energy.law import Law
 from surrogate.modal_equilibrium.cubature import Cubature
-from surrogate.series.stress_series import Factors
 
 LEADING = 16  # modes among which the first stiffness of the search is exact
 TOLERANCE, EVALUATIONS = 2e-3, 60
@@ -28,9 +27,10 @@ class ModalEquilibrium:
     gradients : array, (n_cells, n_points, n_corners, d)
         Of the shape functions, in 1/m.
     cubature : Cubature
-    materials : sequence of NeoHookean
+    laws : sequence of Law
+        Of materials without fibres, on elements without a dilation of their own.
     parts : array of int, (n_cells,), optional
-        Position of each cell's material in the sequence.
+        Position of each cell's law in the sequence.
     leading : int
         Number of the first modes among which the search starts from the exact stiffness.
 
@@ -46,23 +46,23 @@ class ModalEquilibrium:
         cells: NDArray[np.int64],
         gradients: Array,
         cubature: Cubature,
-        materials: Sequence[NeoHookean],
+        laws: Sequence[Law],
         parts: NDArray[np.int64] | None = None,
         leading: int = LEADING,
     ) -> None:
-        corners = modes[:, cells[cubature.cells]]
-        shapes = gradients[cubature.cells, cubature.points]
-        slopes = np.einsum("mqai,qaj->qijm", corners, shapes)
         of_cell = np.zeros(len(cells), np.int64) if parts is None else parts
-        factors = np.array([Factors.of(material) for material in materials])
-        of_points = np.ascontiguousarray(factors[of_cell[cubature.cells]].T)
-        of_points *= cubature.weights
-        self.points = self._compiled.points_of(slopes, of_points, 0)
+        of_point = of_cell[cubature.cells]
+        self._order = np.argsort(of_point, kind="stable")  # law after law
+        chosen, points = cubature.cells[self._order], cubature.points[self._order]
+        slopes = np.einsum("mqai,qaj->qijm", modes[:, cells[chosen]], gradients[chosen, points])
+        starts = np.searchsorted(of_point[self._order], np.arange(len(laws) + 1))
+        rest = cubature.weights[self._order], laws, starts
+        self.points = self._compiled.points_of(slopes, *rest, 0)
         self.stiffness = self.tangent(np.zeros(len(modes)))
         self._factor = np.linalg.cholesky(self.stiffness)
         self._basis = np.ascontiguousarray(np.linalg.inv(self._factor).T)
         k = min(leading, len(modes))
-        self._in_basis = self._compiled.points_of(slopes @ self._basis, of_points, k)
+        self._in_basis = self._compiled.points_of(slopes @ self._basis, *rest, k)
         self._compliance = self._basis @ self._basis.T
 
     @property
@@ -80,7 +80,9 @@ class ModalEquilibrium:
     def forces_of_points(self, a: Array) -> Array:
         """Internal forces in modes of every point, in J: (m,) → (m, n_points)."""
         found: Array = self._compiled.forces_of_points(self.points, a)
-        return found
+        in_order = np.empty_like(found)
+        in_order[:, self._order] = found
+        return in_order
 
     def linear(self, force: Array) -> Array:
         """a₁ of a force g in J: (…, m) → same."""

@@ -37,15 +37,6 @@ class BalancedCoefficients:
             result = result + self._change(found, force)
         return result.to(coefficients)
 
-    def of_arrays(
-        self, work: NDArray[np.float32], coefficients: NDArray[np.float32]
-    ) -> NDArray[np.float32]:
-        """Return the same of arrays, in less time for one load."""
-        found = self._of_forces(
-            self.unit * work.astype(np.float64), coefficients.astype(np.float64)
-        )
-        return found.astype(np.float32)
-
     def _of_forces(
         self, forces: NDArray[np.float64], first: NDArray[np.float64]
     ) -> NDArray[np.float64]:

@@ -237,7 +237,7 @@ def energy_at(c: Doubles, potential: Potential, gradient: Doubles, hessian: Doub
                 pairs[a, b] = _is_pair(tapes, number, a, b) and (second or (a != I2 and b != I2))
                 is_used[a] |= pairs[a, b]
                 if pairs[a, b] and b <= a:
-                    _weighted(_pair(a, b), number, tapes, slots, weights, curved[a, b])
+                    _weighted(pair(a, b), number, tapes, slots, weights, curved[a, b])
         for k in range(n):
             if is_used[I1]:
                 changes[k, I1] = 0
@@ -325,7 +325,7 @@ def _sum_of_first(
 
 
 @compiled
-def _pair(a: int, b: int) -> int:
+def pair(a: int, b: int) -> int:
     """Number of the output that is the second derivative by I₁, I₂ or J, and one of them."""
     low, high = min(a, b), max(a, b)
     count = 4
@@ -335,7 +335,7 @@ def _pair(a: int, b: int) -> int:
 @compiled
 def _is_pair(tapes: Tapes, number: int, a: int, b: int) -> bool:
     """Whether a second derivative is not zero."""
-    output = _pair(a, b)
+    output = pair(a, b)
     return tapes.outputs[number, output] >= 0 or tapes.fixed[number, output] != 0
 
 

@@ -12,7 +12,7 @@ from shared_schema.common.errors import InputError
 from surrogate.data.dataset import Dataset
 from surrogate.inference.export import export, load_exported
 from surrogate.inference.loading import load
-from surrogate.inference.modal_cubature import balance, fit_balance, nodal_modes
+from surrogate.inference.modal_cubature import balance, fit_balance, modes_of
 from surrogate.inference.surrogate import Surrogate
 from surrogate.modal_equilibrium import BalancedCoefficients, Cubature, ModalEquilibrium
 from surrogate.modal_equilibrium.compiled_energy import energy_at
@@ -31,13 +31,13 @@ def whole(model: Surrogate) -> ModalEquilibrium:
     volumes = solid.volumes.numpy()
     cells, points = np.divmod(np.arange(volumes.size), volumes.shape[1])
     every = Cubature(cells, points, volumes.ravel())
-    modes, body = nodal_modes(model), (solid.cells.numpy(), solid.gradients.numpy())
-    return ModalEquilibrium(modes, *body, every, solid.materials, leading=3)  # type: ignore[arg-type]
+    modes, body = modes_of(model), (solid.cells.numpy(), solid.gradients.numpy())
+    return ModalEquilibrium(modes, *body, every, solid.laws, leading=3)
 
 
 def test_energy_and_derivatives_are_those_of_the_solid(run: Path) -> None:
     model = load(run)
-    body, modes = whole(model), nodal_modes(model)
+    body, modes = whole(model), modes_of(model)
     a = np.random.default_rng(0).normal(size=len(modes)) * 0.1
     u = torch.from_numpy(np.einsum("m,mni->ni", a, modes)[None])
     solid, gradient = model.equilibrium.solid, np.empty_like(a)
