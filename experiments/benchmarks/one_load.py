@@ -80,7 +80,7 @@ def page(results: Results) -> str:
             (
                 f"`{r['name']}`",
                 "1 to 4" if r["load"] == "few" else "all",
-                r["count"],
+                str(r["count"]),
                 *(f"{m:.3g} ({f:.3g})" for m, f in zip(r["median_ms"], r["fast_ms"], strict=True)),
                 f"{r['ratio']:.2f}",
             )

@@ -1,7 +1,7 @@
 r"""The load series of a small body: K⁻¹ is a matrix, and a load is one call of compiled code.
 
-A single load takes a twentieth of the time of PyTorch on the small shipped bodies, 64 loads a third
-(`docs/benchmarks/one-load.md`): calls take longest there, not sums.
+A single load takes a thirteenth of the time of PyTorch on the small shipped bodies, or less, and 16
+loads a sixth (`docs/benchmarks/one-load.md`): calls take longest there, not sums.
 """
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.mechanics.solids.solid import Solid
-from surrogate.series.compiled_fields import (
+from surrogate.mechanics.compiled.fields import (
     Array,
     add_multiple,
     add_weighted_rows,
     compiled,
     longest,
 )
+from surrogate.mechanics.solids.solid import Solid
 from surrogate.series.compiled_series import EPS, SeriesBody, is_small
 from surrogate.series.compiled_terms import Terms, add_term, room_for_terms
 from surrogate.series.compiled_weights import least_energy, potential_of_terms
