@@ -180,7 +180,8 @@ class FastCertificate:
             scale = with_size(std, sizes(estimated)["mean"])
             of_components = np.abs(error)[scale > 0] / scale[scale > 0]
             ratios[COMPONENT] = np.quantile(of_components, np.linspace(0, 1, KEPT))
-        known = CalibratedRange.of(force, predicted, estimated, softest, pressures)
+        nodal = force[:, : predicted.shape[1]]
+        known = CalibratedRange.of(nodal, predicted, estimated, softest, pressures)
         return cls(estimate, ratios, known)
 
     @property
@@ -251,7 +252,7 @@ class FastCertificate:
         Parameters
         ----------
         forces, predicted : array, (n_nodes, d) or (N, n_nodes, d)
-            Dead forces in N, and displacements in m.
+            Dead loads in N, those between the nodes after the nodal ones, and displacements in m.
         level : float
             Probability 1 − α of each bound.
         std : array of the same shape, optional
@@ -265,7 +266,7 @@ class FastCertificate:
             As `factor`.
         """
         shape = predicted.shape
-        f, u = forces.reshape(-1, *shape[-2:]), predicted.reshape(-1, *shape[-2:])
+        f, u = (field.reshape(-1, *field.shape[-2:]) for field in (forces, predicted))
         error, rest, softest = self.estimate.with_stability(f, u, pressure)
         reasons = self.refusals(f, u, error, softest, pressure)
         refused = np.array([reason is not None for reason in reasons], dtype=bool)
@@ -303,7 +304,8 @@ class FastCertificate:
             return (NO_RANGE,) * len(force)
         body = self.estimate.loadable, self.estimate.units
         pressures = None if pressure is None else pressure.pressures
-        return self.calibrated.refusals(force, predicted, error, softest, *body, pressures)
+        nodal = force[:, : predicted.shape[1]]
+        return self.calibrated.refusals(nodal, predicted, error, softest, *body, pressures)
 
     def measures(
         self,

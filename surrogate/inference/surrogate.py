@@ -18,7 +18,6 @@ from shared_schema.common.bodies.displacement_size import size_warning
 from shared_schema.common.bodies.force_tolerance import ForceTolerance
 from shared_schema.common.errors import InputError, WorkError
 from shared_schema.common.progress import Progress
-from surrogate.data.elements_of_case import require_nodes_alone
 from surrogate.inference.given_load import (
     Load,
     checked_load,
@@ -438,13 +437,12 @@ class Surrogate(TrainedNetwork):
 
     @cached_property
     def fast_estimate(self) -> FastEstimate:
-        """Estimate of errors without a factorisation; InputError if it is not for this body."""
+        """Estimate of errors without a factorisation."""
         from surrogate.certify.fast_estimate import FastEstimate
 
-        case, material = self.description.data.case, self.description.data.material
-        require_nodes_alone(case, self.geometry.cell_type, "fast bounds and proposed loads")
-        blocks = self.blocks if self.geometry.pressed is None else None
-        return FastEstimate(self.geometry, material, self.equilibrium, blocks)
+        geometry = self.geometry
+        alone = geometry.pressed is None and not geometry.has_points_between
+        return FastEstimate(self.equilibrium, self.blocks if alone else None)
 
     @cached_property
     def fast_certificate(self) -> FastCertificate:

@@ -95,7 +95,7 @@ class QuadraticEquilibrium(Equilibrium):
         return self.interpolated(imperfection((self.nodes, d)))
 
     @cached_property
-    def _held_at_nodes(self) -> Equilibrium:
+    def held_at_nodes(self) -> Equilibrium:
         """The same body, whose nodes are held."""
         held = ~self.free
         held[: self.nodes] = True
@@ -103,7 +103,7 @@ class QuadraticEquilibrium(Equilibrium):
 
     def _balanced(self, u: Array, f: Array) -> Array:
         """Move the points between the nodes to their equilibrium, (1, n_points, d)."""
-        body, pressure = self._held_at_nodes, self.pressure
+        body, pressure = self.held_at_nodes, self.pressure
         pressed = None if pressure is None or pressure.points is None else body.under(pressure)
         u = body.relaxed(u, f)
         for _ in range(ITERATIONS):

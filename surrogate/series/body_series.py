@@ -32,7 +32,7 @@ from torch import Tensor
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.follower_pressure import FollowerPressure
 from surrogate.mechanics.out_of_balance import Equilibrium
-from surrogate.mechanics.solids.changes import stress_changes
+from surrogate.mechanics.solids.changes import Stresses
 from surrogate.mechanics.solids.solid import Solid
 from surrogate.series.measured_series import SeriesOfLaw, sum_of, trace
 
@@ -339,10 +339,10 @@ class Weights:
         points = self.solid.at(f)
         if bool(self.solid.turned_over(points)[0]):
             return None
-        points = self.solid.with_pressure(points)
-        stress = self.volumes * self.solid.stress_of(points)
+        stresses = Stresses(self.solid, points)
+        stress = self.volumes * stresses.stress
         g = torch.einsum("ijcnq,kijcnq->k", stress, h).numpy() - self.works[one][0]
-        changes = [self.volumes * p for p in stress_changes(self.solid, points, list(h))]
+        changes = [self.volumes * stresses.change(each) for each in h]
         matrix = torch.einsum("lijcnq,kijcnq->kl", torch.stack(changes), h).numpy()
         if self.pressure is not None:
             u, push = self.u[:, one], self.pressure[one]

@@ -20,11 +20,11 @@ Values = NDArray[np.floating[Any]]
 
 def cofactors(f: Values) -> Values:
     """Cofactors ∂J/∂F: (d, d, …) → same."""
-    library = library_of(f)
+    result, following = library_of(f).empty_like(f), (1, 2, 0, 1)
     if len(f) == 2:
-        rows = [f[1, 1], -f[1, 0]], [-f[0, 1], f[0, 0]]
-        return library.stack([library.stack(row) for row in rows])
-    result, following = library.empty_like(f), (1, 2, 0, 1)
+        result[0, 0], result[1, 1] = f[1, 1], f[0, 0]
+        result[0, 1], result[1, 0] = -f[1, 0], -f[0, 1]
+        return result
     for a in range(3):
         b, c = f[following[a]], f[following[a + 1]]
         for i in range(3):

@@ -1,4 +1,4 @@
-r"""Changes of the stress with the deformation: the product with the tangent, of any elements.
+r"""Stresses at some states and their changes: the product with the tangent, of any elements.
 
 .. math::
     δP = \frac{∂P}{∂F} : H + \frac{∂^2 W}{∂F ∂θ} δθ + δp \, \mathrm{cof} F, \qquad
@@ -6,95 +6,137 @@ r"""Changes of the stress with the deformation: the product with the tangent, of
     δp = Π \left(\frac{∂^2 W}{∂θ ∂F} : H + \frac{∂^2 W}{∂θ^2} δθ\right)
 
 with the moduli of `surrogate.mechanics.solids.deformation` and the projection Π of
-`surrogate.mechanics.solids.solid`, where the elements have one.
+`surrogate.mechanics.solids.solid`, where the elements have one. The derivatives of the energy by
+its measures are those of the state, so that every direction H takes a few sums only.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from typing import Any, Protocol
 
-import torch
-from torch import Tensor
-
-from surrogate.mechanics.energy.law import DILATION, Law
-from surrogate.mechanics.solids.deformation import Deformation, cofactors
-from surrogate.mechanics.solids.solid import Points, Solid, with_pressure_of
-
-
-def stress_changes(solid: Solid, points: Points, h: Sequence[Tensor]) -> list[Tensor]:
-    """δP of some H, (d, d, n_cells, N, n_points) each, at states with their pressures."""
-    every = torch.stack(list(h))
-    if not solid.projects:
-        return list(_by_law(solid, _changes, points, every))
-    cofactor = cofactors(points.f)
-    dilation = torch.stack([solid.projected((cofactor * each).sum((0, 1))) for each in h])
-    slopes = _by_law(solid, _slopes, points, every, dilation)
-    pressures = torch.stack([solid.projected(each) for each in slopes])
-    found = _by_law(solid, _changes, points, every, dilation)
-    return [p + x * cofactor for p, x in zip(found, pressures, strict=True)]
+from shared_schema.common.bodies.array_library import library_of
+from surrogate.mechanics.energy.law import DILATION, VOLUME, Law
+from surrogate.mechanics.solids.deformation import Deformation, Values, plus
+from surrogate.mechanics.solids.solid import Points
 
 
-def _by_law(
-    solid: Solid,
-    function: Callable[[Points, Law, Tensor, Tensor | None], Tensor],
-    points: Points,
-    h: Tensor,
-    dilation: Tensor | None = None,
-) -> Tensor:
-    """A function of the points of every law; H and δθ have their own axis in front."""
-    if len(solid.materials) == 1:
-        return function(points, solid.laws[0], h, dilation)
-    parts = [
-        function(
-            points.of(some),
-            law,
-            h[..., some, :, :],
-            None if dilation is None else dilation[..., some, :, :],
-        )
-        for some, law in zip(solid.members, solid.laws, strict=True)
-    ]
-    return solid.joined(parts)
+class Elements(Protocol):
+    """What stresses need to know of the elements of a body; cells are the axis -3 of all fields."""
+
+    projects: bool
+
+    @property
+    def laws(self) -> Sequence[Law]:
+        """Law of every material."""
+
+    @property
+    def members(self) -> Sequence[Any]:
+        """Cells of every material, if there are several."""
+
+    def joined(self, parts: Sequence[Any], /) -> Any:
+        """Fields of the cells of all materials as one of all cells."""
+
+    def projected(self, values: Any, /) -> Any:
+        """Π of values at the points."""
 
 
-def _second_changes(
-    state: Deformation, law: Law, outputs: list[Tensor], h: Tensor, dilation: Tensor | None
-) -> dict[int, Tensor]:
-    """δψ_a of the derivatives that change."""
-    second = law.second(outputs)
-    numbers = sorted({n for pair in second for n in pair})
-    by = state.changes(h, numbers)
-    if dilation is not None:
-        by[DILATION] = dilation
-    found: dict[int, Tensor] = {}
-    for (a, b), factor in second.items():
-        for x, y in {(a, b), (b, a)}:
-            if y in by:
-                found[x] = found.get(x, 0) + factor * by[y]
-    return found
+class Stresses:
+    """P at some states, and its changes: of tensors, or of arrays.
 
+    Parameters
+    ----------
+    elements : Elements
+        Such as a `Solid`.
+    points : Points
+        F, and θ if the elements find it.
 
-def _slopes(points: Points, law: Law, h: Tensor, dilation: Tensor | None) -> Tensor:
-    """Changes of ∂W/∂θ: (n, d, d, n_cells, N, n_points) → (n, n_cells, N, n_points)."""
-    state = points.state(law)
-    outputs = law.energy(state.measures, torch)
-    assert dilation is not None
-    return torch.stack(
-        [
-            torch.zeros_like(state.j) + _second_changes(state, law, outputs, one, d)[DILATION]
-            for one, d in zip(h, dilation, strict=True)
+    Attributes
+    ----------
+    f, stress : Tensor, (d, d, n_cells, …)
+        F, and P in Pa, no meaning where a cell is inverted.
+    inside : Tensor of bool, (n_cells, …)
+        Whether J and θ are positive and finite.
+    """
+
+    def __init__(self, elements: Elements, points: Points) -> None:
+        self._elements = elements
+        self.f: Values = points.f
+        self._parts = [
+            _Part(points if some is None else points.of(some), law, some)
+            for some, law in zip(elements.members or [None], elements.laws, strict=True)
         ]
-    )
+        if elements.projects:
+            slopes = [part.of_points(part.first[DILATION]) for part in self._parts]
+            pressure = elements.projected(elements.joined(slopes))
+            for part in self._parts:
+                part.first[VOLUME] = part.first[VOLUME] + part.of(pressure)
+        self.inside = elements.joined([part.state.inside for part in self._parts])
+        self.stress = elements.joined([part.state.stress(part.first) for part in self._parts])
+
+    def change(self, h: Values) -> Values:
+        """δP in Pa along H: (d, d, n_cells, …) → same."""
+        elements, parts = self._elements, self._parts
+        of = [part.of(h) for part in parts]
+        if not elements.projects:
+            changes = [part.changes(x) for part, x in zip(parts, of, strict=True)]
+        else:
+            volumes = [part.along(VOLUME, x) for part, x in zip(parts, of, strict=True)]
+            dilation = elements.projected(elements.joined(volumes))
+            changes = [
+                part.changes(x, part.of(dilation)) for part, x in zip(parts, of, strict=True)
+            ]
+            slopes = [
+                part.of_points(some[DILATION]) for part, some in zip(parts, changes, strict=True)
+            ]
+            pressure = elements.projected(elements.joined(slopes))
+            for part, some in zip(parts, changes, strict=True):
+                some[VOLUME] = some.get(VOLUME, 0.0) + part.of(pressure)
+        return elements.joined(
+            [part.stress(x, some) for part, x, some in zip(parts, of, changes, strict=True)]
+        )
 
 
-def _changes(points: Points, law: Law, h: Tensor, dilation: Tensor | None) -> Tensor:
-    """δP at fixed p: (n, d, d, n_cells, N, n_points) → same."""
-    state = points.state(law)
-    outputs = law.energy(state.measures, torch)
-    first = with_pressure_of(outputs[1 : 1 + law.count], points)
-    found = []
-    for number, one in enumerate(h):
-        change = None if dilation is None else dilation[number]
-        of = _second_changes(state, law, outputs, one, change)
-        factors = [of.get(a, 0.0) for a in range(law.count)]
-        found.append(state.turned(one, first) + state.stress(factors))
-    return torch.stack(found)
+class _Part:
+    """The points of one material."""
+
+    def __init__(self, points: Points, law: Law, cells: Any) -> None:
+        self.state: Deformation = points.state(law)
+        self._cells = cells
+        outputs = law.energy(self.state.measures, library_of(points.f))
+        self.first: list[Values] = outputs[1 : 1 + law.count]
+        self._second = law.second(outputs)
+        numbers = {n for pair in self._second for n in pair} | {VOLUME}
+        self._derivatives = {n: self.state.derivative(n) for n in numbers if n != DILATION}
+
+    def of(self, field: Values) -> Values:
+        """The part of a field of all cells."""
+        return field if self._cells is None else field[..., self._cells, :, :]
+
+    def of_points(self, values: Values) -> Values:
+        """Values, or a number, as a field: (n_cells, …)."""
+        return 0 * self.state.j + values
+
+    def along(self, number: int, h: Values) -> Values:
+        """Change of a measure, ∂m/∂F : H."""
+        return (self._derivatives[number] * h).sum((0, 1))
+
+    def changes(self, h: Values, dilation: Values | None = None) -> dict[int, Values]:
+        """Changes δψ_a of the derivatives at fixed p, of those that change."""
+        of_measures = {} if dilation is None else {DILATION: dilation}
+        found: dict[int, Values] = {}
+        for (a, b), factor in self._second.items():
+            for x, y in {(a, b), (b, a)}:
+                if y not in of_measures:
+                    of_measures[y] = self.along(y, h)
+                part = factor * of_measures[y]
+                found[x] = found[x] + part if x in found else part
+        return found
+
+    def stress(self, h: Values, changes: dict[int, Values]) -> Values:
+        """δP by the changes of the derivatives."""
+        total = self.state.turned(h, self.first)
+        for number, factor in changes.items():
+            if number != DILATION:
+                total = plus(total, factor, self._derivatives[number])
+        return total

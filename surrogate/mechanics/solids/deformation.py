@@ -23,17 +23,21 @@ I - H^T`, and there is no I₂. Where J ≤ 0, or a material has no energy, the 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
+from shared_schema.common.bodies.array_library import library_of
+from shared_schema.common.bodies.polar_decomposition import cofactors as any_cofactors
 from shared_schema.materials import Material
 from surrogate.mechanics.energy.law import DILATION, FIBRES, FIRST, SECOND, VOLUME, Law, law_of
 from surrogate.mechanics.energy.law import is_zero as is_none
 
-Values = Any  # a Tensor, or a number
+Values = Any  # a Tensor or an array, or a number
 
 
 class Deformation:
@@ -58,22 +62,23 @@ class Deformation:
     def __init__(
         self, f: Tensor, dilation: Tensor | None = None, fibres: Tensor | None = None
     ) -> None:
+        library = library_of(f)
         self.f, self.cofactor = f, cofactors(f)
         self.j = (f[0] * self.cofactor[0]).sum(0)
-        self.inside = (self.j > 0) & (self.j < torch.inf)
-        positive = torch.where(self.inside, self.j, torch.ones_like(self.j))
-        first = f.square().sum((0, 1)) + (3 - len(f))
-        second = self.cofactor.square().sum((0, 1)) if len(f) == 3 else first
+        self.inside = (self.j > 0) & (self.j < math.inf)
+        positive = library.where(self.inside, self.j, 1.0)
+        first = (f * f).sum((0, 1)) + (3 - len(f))
+        second = (self.cofactor * self.cofactor).sum((0, 1)) if len(f) == 3 else first
         self.measures = [first, second, positive, positive]
         if dilation is not None:
-            known = (dilation > 0) & (dilation < torch.inf)
-            self.inside &= known
-            self.measures[DILATION] = torch.where(known, dilation, torch.ones_like(dilation))
+            known = (dilation > 0) & (dilation < math.inf)
+            self.inside = self.inside & known
+            self.measures[DILATION] = library.where(known, dilation, 1.0)
         self._fibres = [] if fibres is None else list(fibres)
         self._stretched = [_times(f, a) for a in self._fibres]
         self._areas = [_times(self.cofactor, a) for a in self._fibres]
         for stretched, area in zip(self._stretched, self._areas, strict=True):
-            self.measures += [stretched.square().sum(0), area.square().sum(0)]
+            self.measures += [(stretched * stretched).sum(0), (area * area).sum(0)]
 
     def energy(self, law: Law) -> Tensor:
         """W in J/m³, +∞ where it has no value: (…)."""
@@ -82,12 +87,11 @@ class Deformation:
 
     def stress(self, first: Sequence[Values]) -> Tensor:
         """P of the derivatives ψ_a: (d, d, …)."""
-        zero = torch.zeros((), dtype=self.f.dtype, device=self.f.device)
-        total: Tensor = zero
+        total: Tensor | None = None
         for number, factor in enumerate(first):
             if number != DILATION and not is_none(factor):
-                total = total + factor * self.derivative(number)
-        return total.expand_as(self.f) if total.ndim == 0 else total
+                total = plus(total, factor, self.derivative(number))
+        return 0 * self.f if total is None else total
 
     def derivative(self, number: int) -> Tensor:
         """∂m/∂F of a measure: (d, d, …)."""
@@ -109,14 +113,19 @@ class Deformation:
 
     def turned(self, h: Tensor, first: Sequence[Values]) -> Tensor:
         """Σ ψ_a ∂²m_a/∂F² : H of the derivatives ψ_a: (d, d, …) → same."""
-        total = torch.zeros_like(h + self.f)
+        total: Tensor | None = None
         for number, factor in enumerate(first):
             if number == DILATION or is_none(factor):
                 continue
             if number == FIRST:
-                part = 2 * h
-            elif number == SECOND:
+                total = plus(total, 2 * factor, h)
+                continue
+            if number == SECOND:
                 part = 2 * (cross(cross(self.f, h), self.f) + cross(self.cofactor, h))
+            elif number == VOLUME and len(h) == 3:  # J [(F⁻ᵀ : H) F⁻ᵀ − F⁻ᵀ Hᵀ F⁻ᵀ]
+                cof = self.cofactor
+                part = (cof * h).sum((0, 1)) * cof - product(product(cof, h.swapaxes(0, 1)), cof)
+                factor = factor / self.measures[VOLUME]
             elif number == VOLUME:
                 part = cross(self.f, h)
             else:
@@ -129,8 +138,8 @@ class Deformation:
                         part = part + 2 * cross(h, _dyad(self._areas[family], a))
                 else:
                     part = 2 * _dyad(_times(h, a), a)
-            total = total + factor * part
-        return total
+            total = plus(total, factor, part)
+        return 0 * (h + self.f) if total is None else total
 
 
 def moduli_of(state: Deformation, law: Law, outputs: Sequence[Values]) -> Tensor:
@@ -186,19 +195,58 @@ def determinant(f: Tensor) -> Tensor:
 
 def cofactors(f: Tensor) -> Tensor:
     """∂J/∂F: (d, d, …) → same."""
+    if library_of(f) is np:
+        return _cofactors_of(f)
     return cross(f, f) / 2 if len(f) == 3 else cross(f, f)
 
 
 def cross(a: Tensor, b: Tensor) -> Tensor:
     """A × B, in the plane (tr B) I - Bᵀ: (d, d, …) twice → same."""
     if len(b) == 2:
-        turned = torch.stack([b[1, 1], -b[1, 0]]), torch.stack([-b[0, 1], b[0, 0]])
-        return torch.stack(turned) + torch.zeros_like(a)
+        found: Tensor = _cofactors_of(b)
+        return found if found.shape == a.shape else found + 0 * a
+    if library_of(a) is np:
+        return _cross_of_arrays(a, b)
     rows = []
     for i in range(3):
         k, n = (i + 1) % 3, (i + 2) % 3
         rows.append(torch.linalg.cross(a[k], b[n], dim=0) + torch.linalg.cross(b[k], a[n], dim=0))
     return torch.stack(rows)
+
+
+def _cofactors_of(f: Values) -> Any:
+    """Those of tensors or arrays."""
+    return any_cofactors(f)
+
+
+def _cross_of_arrays(a: Values, b: Values) -> Values:
+    """A × B in space, by components: `numpy.cross` copies its arguments."""
+    found = np.empty(np.broadcast_shapes(a.shape, b.shape), a.dtype)
+    following = (1, 2, 0, 1)
+    for i in range(3):
+        k, n = following[i], following[i + 1]
+        for j in range(3):
+            m, r = following[j], following[j + 1]
+            found[i, j] = a[k, m] * b[n, r] - a[k, r] * b[n, m]
+            found[i, j] += a[n, r] * b[k, m] - a[n, m] * b[k, r]
+    return found
+
+
+def plus(total: Tensor | None, factor: Values, field: Tensor) -> Tensor:
+    """A sum and x A, in one pass over the fields: (d, d, …)."""
+    if total is None:
+        return factor * field
+    if isinstance(factor, Tensor):
+        return torch.addcmul(total, factor, field)
+    return total + factor * field
+
+
+def product(a: Values, b: Values) -> Values:
+    """Matrix products A B: (d, d, …) twice → same."""
+    total = a[:, :1] * b[0]
+    for k in range(1, len(a)):
+        total = total + a[:, k : k + 1] * b[k]
+    return total
 
 
 def _times(f: Tensor, a: Tensor) -> Tensor:

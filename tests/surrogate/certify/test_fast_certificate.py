@@ -26,7 +26,7 @@ from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
 
 @pytest.fixture(scope="module")
 def estimate() -> FastEstimate:
-    return FastEstimate(box("quad"), MATERIAL, Equilibrium(box("quad"), MATERIAL))
+    return FastEstimate(Equilibrium(box("quad"), MATERIAL))
 
 
 def test_coverage_on_new_samples(estimate: FastEstimate) -> None:
