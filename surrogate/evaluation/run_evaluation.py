@@ -254,7 +254,7 @@ def evaluate(
     intervals, fast, others, calibration = None, None, None, None
     if conformal is not None:
         intervals = fit_intervals(surrogate, data, conformal, passes, seed)
-    if certify and has_estimate(surrogate, force):
+    if certify and has_estimate(surrogate, data.nodal_test.load):
         fast = fast_bounds(surrogate, data, passes, seed)
     predicted = surrogate.averaged_passes(force, passes, seed)
     if surrogate.is_probabilistic:
@@ -283,7 +283,7 @@ def evaluate(
         content["extrapolation"] = others.plain()
         if fast is not None:
             theirs, samples = others.predicted, others.samples
-            dead, pressure = separated(surrogate.geometry, samples.force)
+            dead, pressure = separated(surrogate.geometry, samples.load)
             content["extrapolation"]["fast_certificate"] = fast.measures(
                 dead, theirs.mean, samples.displacement, theirs.std, pressure
             )
@@ -291,7 +291,7 @@ def evaluate(
         scale = surrogate.score_scale(predicted)
         content["conformal"] = intervals.measures(predicted.mean, scale, reference, free)
     if fast is not None:
-        dead, pressure = separated(surrogate.geometry, force)
+        dead, pressure = separated(surrogate.geometry, data.nodal_test.load)
         bounds = fast.measures(dead, predicted.mean, reference, predicted.std, pressure)
         content["fast_certificate"] = bounds
     return Evaluation(

@@ -30,8 +30,10 @@ class HeldOut:
 
     Attributes
     ----------
-    force, truth : array, (n, n_nodes, d)
-        In N, with those of pressures on the undeformed body, and in m.
+    force : array, (n, n_nodes or n_points, d)
+        Loads in N, with the forces of pressures on the undeformed body.
+    truth : array, (n, n_nodes, d)
+        In m.
     predicted : Distribution
     """
 
@@ -46,7 +48,7 @@ class HeldOut:
         """Predict some samples of the training split, by their rows in it."""
         samples = dataset.nodal_train(rows)
         predicted = surrogate.averaged_passes(samples.force, passes, seed)
-        return cls(samples.force, samples.displacement, predicted)
+        return cls(samples.load, samples.displacement, predicted)
 
     @classmethod
     def corrected(cls, surrogate: Surrogate, forces: Array, passes: int, seed: int) -> HeldOut:

@@ -149,12 +149,9 @@ def found_in(listed: tuple[Fields, ...], field: Field) -> str | None:
     return next((some.why for some in listed if field in some), None)
 
 
-RUBBER = tuple(name for name in MATERIALS if name != "Neo-Hooke")
 BETWEEN = ("quadratic", "incompressible")
 REASONS: tuple[Fields, ...] = ()
 OPEN: tuple[Fields, ...] = (
-    Fields("for elements without points between the nodes", ("fast",), elements=BETWEEN),
-    Fields("for Neo-Hookean materials that differ in E alone", ("fast",), materials=RUBBER),
     Fields("for elements without points between the nodes", ("hold", "identify"), (DEAD,), BETWEEN),
     Fields("beside forces, not pressures", BESIDE, (PRESSURE,)),
     Fields("the series of linear elements of one Neo-Hookean material, else K⁻¹f", ("export",)),

@@ -245,8 +245,8 @@ def test_commands(element: str, ratio: float, force: str, tmp_path: Path) -> Non
     with np.load(solved) as theirs, np.load(found) as ours:
         u = theirs["displacement"]
         np.testing.assert_allclose(ours["displacement"], u, rtol=0, atol=1e-5 * np.abs(u).max())
-    assert certificates_of(RunFolder(run)) == "full"
+    assert certificates_of(RunFolder(run)) == "full, fast"
     with pytest.raises(InputError, match=f"'{element}': proposed loads, refinement"):
         surrogate.load(run).balanced()
     said = execute(SURROGATE, "predict", run, *load, "--certify", "fast", "--out", found, code=2)
-    assert f"'{element}': fast bounds and proposed loads are for elements without" in said.stderr
+    assert "--level 0.95: " in said.stderr  # too few held-out samples

@@ -34,7 +34,7 @@ SHAPE, SIZE = (6, 3), (3.0, 1.0)
 MATERIALS: dict[str, Materials] = {
     "Neo-Hooke": NeoHookean(young_modulus=500, poisson_ratio=0.45),
     "Yeoh": Yeoh(c10=85, c20=20, c30=4, bulk_modulus=1700),
-    "Ogden": Ogden(mu=(150, -20), alpha=(1.7, -2.5), bulk_modulus=1500),
+    "Ogden": Ogden(mu=(150, -20), alpha=(2.0, -2.0), bulk_modulus=1500),
     "fibres": HolzapfelGasserOgden(
         c10=70, k1=150, k2=3, kappa=0.1, bulk_modulus=1500, fibres=((0.8, 0.6),)
     ),
