@@ -207,8 +207,7 @@ def test_commands(element: str, ratio: float, force: str, tmp_path: Path) -> Non
     execute(DATAGEN, "run", case, "--out", nodal)
     execute(DATAGEN, "structure", nodal, "--out", structured)
     execute(SURROGATE, "train", config, "--data", structured, "--out", run)
-    said = execute(SURROGATE, "evaluate", run, "--data", structured, "--certify")
-    assert "fast" in said.stdout + said.stderr
+    execute(SURROGATE, "evaluate", run, "--data", structured, "--certify")
 
     model = surrogate.load(run)
     with pytest.raises(InputError, match=f"'{element}': held places are for elements without"):
