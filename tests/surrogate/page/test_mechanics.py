@@ -15,7 +15,7 @@ from surrogate.certify.full_certificate import certify
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.follower_pressure import FollowerPressure
 from surrogate.mechanics.out_of_balance import Equilibrium
-from surrogate.mechanics.solids.changes import stress_changes
+from surrogate.mechanics.solids.changes import Stresses
 from surrogate.series.body_series import BodySeries, Weights, slope_of
 from tests.surrogate.conftest import box_cells
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
@@ -85,7 +85,7 @@ def test_page_computes_what_python_does(
     )
     solid = plain.solid
     at = solid.with_pressure(solid.points(torch.from_numpy(u)))
-    (change,) = stress_changes(solid, at, [slope_of(solid, x)])
+    change = Stresses(solid, at).change(slope_of(solid, x))
     factor, stable = under._factors(u)[0]
     assert state["energy"] == pytest.approx(float(solid.energy(torch.from_numpy(u))), rel=1e-9)
     assert_close(state["residual"], under.out_of_balance(u, force))
