@@ -138,15 +138,35 @@ def _corrected(
         if residual <= equilibrium.round_off.floor(float(np.linalg.norm(u))):
             return Correction(u[0], "undeformed body", 1, residual, units=equilibrium.units)
     start, u = safest_start(equilibrium, f, predicted)
+    try:
+        return stable_state(equilibrium, f, u, start, tolerance, progress)
+    except WorkError:
+        if equilibrium.pressure is None:
+            raise
+    return increased(equilibrium, f, tolerance, progress)
+
+
+def stable_state(
+    equilibrium: Equilibrium,
+    f: Array,
+    u: Array,
+    start: str,
+    tolerance: ForceTolerance | float = DEFAULT,
+    progress: LoadProgress | None = None,
+) -> Correction:
+    """Iterate as `iterated` does, under pressures a few times, and look whether that is stable.
+
+    Raises
+    ------
+    WorkError
+        If no stable equilibrium is found.
+    """
     if equilibrium.pressure is None:
         return iterated(equilibrium, f, u, start, tolerance, progress=progress)
-    try:
-        found = iterated(equilibrium, f, u, start, tolerance, STEP_ITERATIONS, progress)
-        if equilibrium.response_at(found.displacement) is not None:
-            return found
-    except WorkError:
-        pass
-    return increased(equilibrium, f, tolerance, progress)
+    found = iterated(equilibrium, f, u, start, tolerance, STEP_ITERATIONS, progress)
+    if equilibrium.response_at(found.displacement) is None:
+        raise WorkError("the equilibrium is not stable")
+    return found
 
 
 def increased(
@@ -171,17 +191,13 @@ def increased(
         if progress is not None:
             progress.begin(reached, part)
         try:
-            found = iterated(under, part * f, u, start, tolerance, STEP_ITERATIONS, progress)
+            found = stable_state(under, part * f, u, start, tolerance, progress)
         except WorkError:
-            stable = False
-        else:
-            stable = under.response_at(found.displacement) is not None
-        if stable:
-            u, reached, iterations = found.displacement[None], part, iterations + found.iterations
-        else:
             step /= 2
-        if step < SMALLEST_STEP:
-            raise WorkError(f"no stable equilibrium beyond {reached:.3g} of the load")
+            if step < SMALLEST_STEP:
+                raise WorkError(f"no stable equilibrium beyond {reached:.3g} of the load") from None
+        else:
+            u, reached, iterations = found.displacement[None], part, iterations + found.iterations
     return replace(found, iterations=iterations)
 
 

@@ -20,8 +20,9 @@ from scipy.sparse import csr_array
 
 from shared_schema.common.errors import WorkError
 from surrogate.identification.least_squares import Fit, Point, stepped, wild_cost
-from surrogate.identification.responses import DIFFERENCE, Body, differences
+from surrogate.identification.responses import DIFFERENCE, Body, differences, predicted_under
 from surrogate.identification.unknowns import Unknowns
+from surrogate.mechanics.follower_pressure import FollowerPressure
 
 Array = NDArray[np.float64]
 
@@ -64,6 +65,15 @@ class Start:
     radius: float = 0.0
 
 
+def joined_pressures(both: list[tuple[Unknowns, Array]]) -> FollowerPressure | None:
+    """Pressures of some unknowns at some parameters, one after the other; None if none acts."""
+    found = [of.pressure(at) for of, at in both]
+    known = [each for each in found if each is not None]
+    if not known:
+        return None
+    return replace(known[0], pressures=np.concatenate([each.pressures for each in known]))
+
+
 def likely_candidates(
     body: Body, moved: Array, at_markers: csr_array, best: Fit, starts: list[Start]
 ) -> list[Candidate]:
@@ -89,9 +99,10 @@ def likely_candidates(
         start.theta + np.vstack([0 * start.scale, np.diag(DIFFERENCE * start.scale)])
         for start in starts
     ]
-    loads = np.array([one.unknowns.forces(at) for one, at in zip(starts, points, strict=True)])
-    nodes = loads.shape[2:]
-    predicted = np.asarray(body.predict(loads.reshape(-1, *nodes))).reshape(loads.shape)
+    both = list(zip([start.unknowns for start in starts], points, strict=True))
+    loads, pressed = np.concatenate([of.forces(at) for of, at in both]), joined_pressures(both)
+    fields = predicted_under(body, loads, pressed)
+    predicted = fields.reshape(len(starts), -1, *fields.shape[1:])
     found = []
     for start, fields in zip(starts, predicted, strict=True):
         seen = np.array([at_markers @ field for field in fields])

@@ -22,6 +22,7 @@ from surrogate.identification.misfit import SUSPECT, noise_probability
 from surrogate.identification.search import Finished, Search
 from surrogate.identification.unknowns import (
     BODY_FORCE,
+    PRESSURE,
     TOOL,
     YOUNG_MODULUS,
     Unknowns,
@@ -46,8 +47,8 @@ class Identification:
     Attributes
     ----------
     names : tuple of str
-        Of the parameters: force components in N, body forces in N/m³, Young's modulus in Pa, how
-        far a tool is from where it was given, in m.
+        Of the parameters: force components in N, body forces in N/m³, pressures and Young's moduli
+        in Pa, how far a tool is from where it was given, in m.
     values, std, lower, upper : array, (p,)
         Estimates, standard deviations, and ends of intervals of the probability `level`.
     level : float
@@ -58,7 +59,8 @@ class Identification:
     displacement, std_displacement : array, (n_nodes, d)
         Field and standard deviations in m.
     force : array, (n_nodes, d)
-        Nodal forces in N, known and identified ones.
+        Nodal forces in N, known and identified ones, with those of pressures on the undeformed
+        body.
     noise : float
         Standard deviation of a component of the markers in m, given or estimated.
     left_out : array of bool, (m,)
@@ -105,7 +107,7 @@ class Identification:
             unit = units.force
             if name.startswith(BODY_FORCE):
                 unit = f"{units.force}/{units.length}³"
-            elif name.startswith("young"):
+            elif name.startswith(("young", PRESSURE)):
                 unit = units.stress
             elif name.startswith(TOOL):
                 unit = units.length
@@ -171,8 +173,9 @@ def identify(
         At most places on or in the body; some may be wrong.
     unknown : sequence of str
         What is sought: places as ``--load`` names them ("4,1", "4,1,0.5,0.2" or a group of the
-        mesh), "somewhere" (one force at an unknown node of the surface), "somewhere,R" (spread over
-        it within R m of one), "somewhere,any" (within a radius that is sought), "body-force",
+        mesh), "pressure:GROUP" (which follows the surface), "somewhere" (one force at an unknown
+        node of the surface), "somewhere,R" (spread over it within R m of one), "somewhere,any"
+        (within a radius that is sought), "body-force",
         "young-modulus" (of a body of one material, beside a known load) and
         "young-modulus:GROUP" (of a zone, by equilibria of the finite elements); or "tool" alone.
     load, body_force
@@ -206,16 +209,11 @@ def identify(
         raise InputError(f"model_error: {model_error}, expected from 0 to less than 1")
     if not 0 < level < 1:
         raise InputError(f"level: {level}, expected more than 0 and less than 1")
-    model.require_nodes_alone(
-        "identifications", "a run of the body with 'element: linear' has them"
-    )
     geometry = model.geometry
     if not isinstance(markers, Markers):
         markers = read_markers(Path(markers), geometry.dimension)
     at_markers = markers.interpolation(geometry)
     given = given_load(geometry, load, nearest, body_force, needed=False)
-    if given.surfaces:
-        raise InputError("load: expected forces beside what is sought, no pressure")
     somewhere = [text for text in unknown if is_somewhere(text)]
     if len(somewhere) > 1:
         raise InputError(f"unknown: {', '.join(somewhere)}: expected one force somewhere")
@@ -224,7 +222,7 @@ def identify(
     if zones := zones_of(unknown):
         if somewhere or YOUNG_MODULUS in unknown:
             raise InputError(f"unknown: {', '.join(unknown)}: expected zones beside known places")
-        moduli = moduli_of_zones(model.balanced().geometry, material, zones)
+        moduli = moduli_of_zones(material, zones)
     elif YOUNG_MODULUS in unknown:
         moduli = np.array([modulus_at_rest(material)])
     if isinstance(tool, str):
@@ -233,7 +231,7 @@ def identify(
         if confirm:
             raise InputError("confirm: expected without a tool, whose contact is predicted")
         require_outside(tool, geometry.coordinates, geometry.free)
-    unknowns = Unknowns.of(geometry, unknown, given.load, moduli, nearest, tool)
+    unknowns = Unknowns.of(geometry, unknown, given, moduli, nearest, tool)
     count = len(unknowns.names) + geometry.dimension * len(somewhere) + (len(radii) > 1)
     if count >= markers.moved.size:
         raise InputError(

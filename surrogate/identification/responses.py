@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -10,8 +11,11 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from shared_schema.common.errors import WorkError
+from surrogate.certify.correction import correct
 from surrogate.identification.least_squares import Model
 from surrogate.identification.unknowns import Unknowns
+from surrogate.mechanics.follower_pressure import FollowerPressure
+from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.touch import body as touch
 
 Array = NDArray[np.float64]
@@ -22,14 +26,8 @@ DIFFERENCE = 3e-3  # of a change that matters
 class Body(touch.Body, Protocol):
     """What is identified, such as a `Surrogate`."""
 
-    def certify(self, forces: Any, predicted: Any, *, pressure: Any = None) -> Any:
-        """Certificate of a displacement, whose `error` is in m."""
-
-    def descend(self, dead: Any, pressure: Any, predicted: Any, aim: Any) -> Any:
-        """Displacement in m that directions drive to the equilibrium, and how they end."""
-
-    def correct(self, forces: Any, *, pressure: Any = None) -> Any:
-        """Equilibrium under nodal forces in N, whose `displacement` is in m."""
+    def under(self, pressure: Any) -> Equilibrium:
+        """Equilibrium under dead loads, and pressures of one load case if there are."""
 
 
 class Response(ABC):
@@ -71,8 +69,13 @@ class Response(ABC):
         """∂u/∂θ, (n_nodes, d, p)."""
 
     def forces(self, theta: Array) -> Array:
-        """Dead forces of u(θ) in N, (n_nodes, d)."""
+        """Dead forces of u(θ) in N, (n_nodes or n_points, d)."""
         return self.unknowns.forces(theta)
+
+    def at_rest(self, theta: Array) -> Array:
+        """Forces of u(θ) in N, with those of pressures on the undeformed body."""
+        force, pressure = self.forces(theta), self.unknowns.pressure(theta)
+        return force if pressure is None else force + pressure.load[0]
 
     def _seen(self, fields: Array) -> Array:
         nodes = len(fields)
@@ -85,32 +88,73 @@ class PredictedResponse(Response):
 
     def field(self, theta: Array) -> Array:
         """u(θ) in m."""
-        return np.asarray(self.body.predict(self.unknowns.forces(theta)))
+        return predicted(self.body, self.unknowns, theta[None])[0]
 
     def slopes(self, theta: Array, field: Array) -> Array:
         """∂u/∂θ."""
         steps = DIFFERENCE * self.scale
-        ahead = np.asarray(self.body.predict(self.unknowns.forces(theta + np.diag(steps))))
+        ahead = predicted(self.body, self.unknowns, theta + np.diag(steps))
         return differences(ahead, field - self._shift, steps)
 
 
 class ExactResponse(Response):
-    r"""Equilibria of the finite elements, and :math:`∂u/∂θ = K(u)^{-1} ∂f/∂θ`."""
+    r"""Equilibria of the finite elements, and their slopes.
+
+    .. math:: \frac{∂u}{∂θ} = K(u)^{-1} \Big(\frac{∂f}{∂θ} + \frac{∂f_p(u)}{∂θ}\Big)
+    """
 
     def field(self, theta: Array) -> Array:
         """u(θ) in m."""
-        forces, pressure = self.unknowns.forces(theta), self.body.geometry.no_pressure
-        return np.asarray(self.body.correct(forces, pressure=pressure).displacement)
+        unknowns, start = self.unknowns, predicted(self.body, self.unknowns, theta[None])[0]
+        body = self.body.under(unknowns.pressure(theta))
+        return correct(body, unknowns.forces(theta), start).displacement
 
     def slopes(self, theta: Array, field: Array) -> Array:
         """∂u/∂θ; WorkError if the equilibrium is not stable."""
-        body = self.body.equilibrium
-        f = body.forces_at_points(self.unknowns.forces(theta)[None])
-        respond = body.response_at(body.at_points(field[None], f)[0])
+        body, unknowns = self.body.under(self.unknowns.pressure(theta)), self.unknowns
+        f = body.forces_at_points(unknowns.forces(theta)[None])
+        u = body.at_points(field[None], f)
+        respond = body.response_at(u[0])
         if respond is None:
             raise WorkError("the equilibrium that fits the markers is not stable")
-        rates = respond(body.forces_at_points(self.unknowns.slopes(theta)))
+        forces = unit_forces(body, unknowns, u)
+        if unknowns.softens:
+            forces = np.exp(-theta[-1]) * forces
+            forces = np.concatenate([forces, -body.external(u, f)])
+        rates = respond(forces)
         return np.asarray(np.moveaxis(rates[:, : body.nodes], 0, -1))
+
+
+def predicted(body: Body, unknowns: Unknowns, thetas: Array) -> Array:
+    """u(θ) in m by predictions, of N sets of parameters: (N, p) → (N, n_nodes, d)."""
+    return predicted_under(body, unknowns.forces(thetas), unknowns.pressure(thetas))
+
+
+def predicted_under(body: Body, dead: Array, pressure: FollowerPressure | None) -> Array:
+    """Predictions in m of N dead loads in N, with the pressures beside each: (N, n_nodes, d)."""
+    geometry = body.geometry
+    if not geometry.surfaces:
+        return np.asarray(body.predict(dead))
+    nodal = dead[:, : len(geometry.coordinates)]
+    if pressure is not None:
+        nodal = nodal + pressure.load[:, : nodal.shape[1]] * geometry.free
+    return np.asarray(body.predictor.under(dead, pressure, nodal)[0])
+
+
+def unit_forces(body: Equilibrium, unknowns: Unknowns, u: Array) -> Array:
+    """Unit forces and pressures at a displacement of all points in m, (1, n_points, d).
+
+    Returns
+    -------
+    array, (K + Q, n_points, d)
+        In N, on all points.
+    """
+    forces = body.forces_at_points(unknowns.patterns)
+    if unknowns.pressures is None:
+        return forces
+    units = replace(unknowns.pressures[slice(1, None)], coordinates=body.geometry.coordinates)
+    pushed = units.forces(np.broadcast_to(u, (len(units.pressures), *u.shape[1:])))
+    return np.concatenate([forces, pushed])
 
 
 def differences(ahead: Array, field: Array, steps: Array) -> Array:

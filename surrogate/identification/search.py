@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from shared_schema.common.errors import InputError, WorkError
+from surrogate.certify.full_certificate import certify
 from surrogate.descent import Aim
 from surrogate.descent.driven_body import longest
 from surrogate.identification.candidates import Candidate, Start, likely_candidates
@@ -25,6 +26,7 @@ from surrogate.identification.responses import (
 from surrogate.identification.tool_response import CONTACT, ToolResponse
 from surrogate.identification.unknowns import SOMEWHERE, Unknowns
 from surrogate.identification.zoned_response import ZonedResponse
+from surrogate.mechanics.follower_pressure import FollowerPressure
 from surrogate.touch import Touch
 
 Array = NDArray[np.float64]
@@ -72,18 +74,19 @@ class Search:
                 raise InputError("tool: it touches nothing, expected it about where it pushes")
             found = self._fitted(unknowns, np.zeros(len(scale)), scale)
             return [Candidate(unknowns, found, scale)]
-        strengths = np.abs(self._linear(unknowns.patterns)).max(axis=(0, 1))
+        strengths = np.abs(self._linear(unknowns.at_rest[1])).max(axis=(0, 1))
         scale = self._scale(strengths, unknowns)
         found = self._fitted(unknowns, self._begin(unknowns), scale)
         return [Candidate(unknowns, found, scale)]
 
     def _begin(self, unknowns: Unknowns) -> Array:
         """Where the search begins: without forces, or linearly, as zones at rest tell nothing."""
-        count = len(unknowns.patterns)
+        at_rest, patterns = unknowns.at_rest
+        count = len(patterns)
         begin = np.zeros(count + len(unknowns.moduli))
         if unknowns.zones and count:
-            known = self._linear(unknowns.known[None])[..., 0]
-            columns = self._linear(unknowns.patterns).reshape(-1, count)
+            known = self._linear(at_rest[None])[..., 0]
+            columns = self._linear(patterns).reshape(-1, count)
             begin[:count] = np.linalg.lstsq(columns, (self._moved - known).ravel(), rcond=None)[0]
         return begin
 
@@ -97,8 +100,8 @@ class Search:
         radii : sequence of float
             Radii in m that it may be spread over; 0 on a node alone.
         """
-        beside = self._linear(unknowns.patterns)
-        known = self._linear(unknowns.known[None])[..., 0]
+        at_rest, patterns = unknowns.at_rest
+        beside, known = self._linear(patterns), self._linear(at_rest[None])[..., 0]
         places = Places(self._body, self._at_markers, beside, radii, self._noise)
 
         def scale_at(number: int) -> Array:
@@ -139,20 +142,23 @@ class Search:
         """
         given, theta = (self._body, best.unknowns, self._at_markers, best.scale), best.fit.theta
         if best.unknowns.zones:
-            return Finished(best.fit, 0.0, best.unknowns.forces(theta))
+            return Finished(best.fit, 0.0, ZonedResponse(*given).at_rest(theta))
         if confirm:
             exact = ExactResponse(*given)
             found = self._refitted(exact, best.fit, exact.field(theta))
-            return Finished(found, 0.0, exact.forces(found.theta))
+            return Finished(found, 0.0, exact.at_rest(found.theta))
         response = self._response(best.unknowns, best.scale)
         state = response.field(theta)
-        error = self._error(state, response.forces(theta), best.fit.sigma)
+        load = response.forces(theta), best.unknowns.pressure(theta)
+        error = self._error(state, *load, best.fit.sigma)
         shifted = self._response(best.unknowns, best.scale, -error)
         found = self._refitted(shifted, best.fit, state - error)
         left = float(np.abs(self._at_markers @ error).max())
-        return Finished(found, left, shifted.forces(found.theta))
+        return Finished(found, left, shifted.at_rest(found.theta))
 
-    def _error(self, state: Array, forces: Array, noise: float) -> Array:
+    def _error(
+        self, state: Array, forces: Array, pressure: FollowerPressure | None, noise: float
+    ) -> Array:
         """Error of the prediction in m: by directions, or, where they do not arrive, Newton steps.
 
         As precisely as matters beside the noise.
@@ -163,11 +169,10 @@ class Search:
             If neither settles.
         """
         aim = Aim(max(TOLERANCE * longest(state), OF_NOISE * noise), in_metres=True)
-        found, descent = self._body.descend(forces, None, state, aim)
+        found, descent = self._body.descend(forces, pressure, state, aim)
         if descent.reached:
             return np.asarray(state - found)
-        pressure = self._body.geometry.no_pressure
-        certificate = self._body.certify(forces, state, pressure=pressure)
+        certificate = certify(self._body.under(pressure), forces, state)
         if not certificate.settled:
             raise WorkError(
                 "the error of the surrogate cannot be estimated for what is found, expected "

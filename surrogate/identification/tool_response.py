@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from shared_schema.common.errors import InputError, WorkError
 from shared_schema.tools import Displaced
 from surrogate.identification.responses import Response
-from surrogate.touch.body import together_with
+from surrogate.touch.body import LoadedBody
 from surrogate.touch.touch import Touch, TouchFrame
 
 Array = NDArray[np.float64]
@@ -49,9 +49,13 @@ class ToolResponse(Response):
 
     def forces(self, theta: Array) -> Array:
         """Forces of the tool, and those that are known, in N."""
-        return together_with(self.unknowns.known, self._frame(theta).force)
+        return self._loaded.with_forces(self._frame(theta).force)
 
     def _frame(self, theta: Array) -> TouchFrame:
         assert self.unknowns.tool is not None
         tool = Displaced(self.unknowns.tool, tuple(map(float, theta)))
-        return self._touch.move(tool, self.unknowns.known)
+        return self._touch.move(tool, self._loaded)
+
+    @property
+    def _loaded(self) -> LoadedBody:
+        return LoadedBody(self.body, self.unknowns.known, self.unknowns.pressures)

@@ -1,12 +1,15 @@
-r"""What is sought: forces at known places, and Young's modulus.
+r"""What is sought: forces at known places, pressures, and Young's modulus.
 
-The load is that of some parameters θ,
+The load is that of some parameters θ, dead forces f and pressures p that follow the surface,
 
-.. math:: f(θ) = \frac{E_0}{E} \Big(f_0 + \sum_k θ_k \, b_k\Big), \qquad E = E_0 \, e^{φ},
+.. math::
+    f(θ) = \frac{E_0}{E} \Big(f_0 + \sum_k θ_k \, b_k\Big), \qquad
+    p(θ) = \frac{E_0}{E} \Big(p_0 + \sum_q θ_q \, e_q\Big), \qquad E = E_0 \, e^{φ},
 
-with known forces :math:`f_0`, unit forces :math:`b_k` along each axis at each sought place, and
-Young's modulus :math:`E_0` of the run. Without a sought modulus φ = 0. Sought moduli of zones of
-the body, :math:`E_z = E_{z,0} \, e^{φ_z}`, leave f as it is.
+with known forces :math:`f_0` and pressures :math:`p_0`, unit forces :math:`b_k` along each axis at
+each sought place, unit pressures :math:`e_q`, and Young's modulus :math:`E_0` of the run. Without a
+sought modulus φ = 0. Sought moduli of zones of the body, :math:`E_z = E_{z,0} \, e^{φ_z}`, leave f
+and p as they are.
 """
 
 from __future__ import annotations
@@ -22,6 +25,8 @@ from shared_schema.common.bodies.force_tolerance import mean_edge
 from shared_schema.common.errors import InputError
 from shared_schema.tools import Tool
 from surrogate.data.geometry import Geometry
+from surrogate.inference.given_load import following, given_load
+from surrogate.mechanics.follower_pressure import FollowerPressure
 
 Array = NDArray[np.float64]
 
@@ -31,6 +36,7 @@ SOMEWHERE = "somewhere"
 ANY = "any"
 LARGEST_PATCH = 0.25  # of the body's length: radius of a force whose radius is sought
 TOOL = "tool"
+PRESSURE = "pressure:"  # of a group
 AXES = "xyz"
 OF_ZONE = f"{YOUNG_MODULUS}:"
 
@@ -47,6 +53,8 @@ class Unknowns:
         f₀ in N, with what acts between the nodes after the nodal forces.
     patterns : array, (K, n_nodes or n_points, d)
         b_k: 1 N in all, or those of 1 N/m³.
+    pressures : FollowerPressure or None
+        Pressures of 1 + Q cases: p₀, and each e_q of 1 Pa. None if none acts.
     moduli : array, (q,)
         E₀ in Pa of every φ that is sought.
     zones : tuple of str
@@ -61,13 +69,14 @@ class Unknowns:
     moduli: Array
     zones: tuple[str, ...] = ()
     tool: Tool | None = None
+    pressures: FollowerPressure | None = None
 
     @classmethod
     def of(
         cls,
         geometry: Geometry,
         texts: Sequence[str],
-        known: Array,
+        known: CommandLoads,
         moduli: Array,
         nearest: bool = False,
         tool: Tool | None = None,
@@ -79,9 +88,9 @@ class Unknowns:
         geometry : Geometry
         texts : sequence of str
             Places as ``--load`` names them ("4,1", "4,1,0.2" or a group), "body-force",
-            "young-modulus", or "young-modulus:GROUP" of zones, and "somewhere" (`radii_of`), which
-            `at` brings in.
-        known : array, (n_nodes or n_points, d)
+            "pressure:GROUP", "young-modulus", or "young-modulus:GROUP" of zones, and "somewhere"
+            (`radii_of`), which `at` brings in.
+        known : CommandLoads
         moduli : array, (q,)
         nearest : bool
             Let places beside a node mean the nearest one.
@@ -91,21 +100,22 @@ class Unknowns:
         Raises
         ------
         InputError
-            If there is no such place, or one is named twice, if a pressure of the case acts there,
-            or the tool is not what is sought.
+            If there is no such place, or one is named twice, if a pressure of the case acts where a
+            force is sought, or the network knows no pressure, or the tool is not what is sought.
         """
         if (tool is not None) != (list(texts) == [TOOL]):
             raise InputError(f"unknown: {', '.join(texts)}: expected 'tool' alone, and a tool")
         if tool is not None:
             names = tuple(f"{TOOL} {axis}" for axis in AXES[: geometry.dimension])
-            none = np.empty((0, *known.shape))
-            return cls(names, known, none, np.empty(0), tool=tool)
+            none = np.empty((0, *known.load.shape))
+            of_load = following(known)
+            return cls(names, known.load, none, np.empty(0), tool=tool, pressures=of_load)
         if len(set(texts)) < len(texts):
             raise InputError(f"unknown: {', '.join(texts)}: expected each once")
         sought: list[str] = []
         patterns: list[Array] = []
         for text in texts:
-            if is_somewhere(text) or is_modulus(text):
+            if is_somewhere(text) or is_modulus(text) or text.startswith(PRESSURE):
                 continue
             require_no_pressure(geometry, text)
             for axis, unit in enumerate(np.eye(geometry.dimension)):
@@ -116,18 +126,19 @@ class Unknowns:
                     load.add(f"{text}:{values}", nearest)
                 sought.append(f"{text} {AXES[axis]}")
                 patterns.append(load.load)
-        zones = zones_of(texts)
-        if YOUNG_MODULUS in texts and not known.any():
+        zones, pressures = zones_of(texts), pressures_of(geometry, texts, known)
+        if YOUNG_MODULUS in texts and not (known.load.any() or known.surfaces):
             raise InputError(
                 "unknown: young-modulus: displacements tell forces over Young's modulus alone, "
                 "expected a load that is known beside it"
             )
+        sought += [text for text in texts if text.startswith(PRESSURE)]
         sought += [text for text in texts if is_modulus(text)]
         if not sought and not any(map(is_somewhere, texts)):
             raise InputError("unknown: nothing is sought, expected a place or young-modulus")
-        shape = (len(patterns), *known.shape)
+        shape = (len(patterns), *known.load.shape)
         stacked = np.array(patterns).reshape(shape)
-        return cls(tuple(sought), known, stacked, moduli, zones)
+        return cls(tuple(sought), known.load, stacked, moduli, zones, pressures=pressures)
 
     @property
     def softens(self) -> bool:
@@ -147,12 +158,24 @@ class Unknowns:
             total = total * np.exp(-theta[..., -1, None, None])
         return np.asarray(total)
 
-    def slopes(self, theta: Array) -> Array:
-        """∂f/∂θ, (p, n_nodes or n_points, d)."""
-        if not self.softens:
-            return self.patterns
-        softened = self.patterns * np.exp(-theta[-1])
-        return np.concatenate([softened, -self.forces(theta)[None]])
+    def pressure(self, theta: Array) -> FollowerPressure | None:
+        """p(θ) of N sets of parameters, (N, p) or (p,), likewise."""
+        if self.pressures is None:
+            return None
+        count, values = len(self.patterns), self.pressures.pressures
+        sought = np.atleast_2d(theta)[:, count : count + len(values) - 1]
+        total = values[0] + sought @ values[1:]
+        if self.softens:
+            total = total * np.exp(-theta[..., -1:])
+        return replace(self.pressures, pressures=total)
+
+    @property
+    def at_rest(self) -> tuple[Array, Array]:
+        """Known and unit loads on the undeformed body, (*, d) and (K + Q, *, d)."""
+        if self.pressures is None:
+            return self.known, self.patterns
+        loads = self.pressures.load
+        return self.known + loads[0], np.concatenate([self.patterns, loads[1:]])
 
     def at(self, units: Array, text: str) -> Unknowns:
         """The same with forces in one more place, which come first.
@@ -177,6 +200,29 @@ def is_modulus(text: str) -> bool:
 def zones_of(texts: Sequence[str]) -> tuple[str, ...]:
     """Zones whose moduli are sought."""
     return tuple(text.removeprefix(OF_ZONE) for text in texts if text.startswith(OF_ZONE))
+
+
+def pressures_of(
+    geometry: Geometry, texts: Sequence[str], known: CommandLoads
+) -> FollowerPressure | None:
+    """Known pressures, and each sought one of 1 Pa, as load cases; None if there are none."""
+    groups = [text.removeprefix(PRESSURE) for text in texts if text.startswith(PRESSURE)]
+    for group in groups:
+        if group not in geometry.groups:
+            names = ", ".join(sorted(geometry.groups)) or "none"
+            raise InputError(
+                f"unknown: {PRESSURE}{group}: expected a group of the mesh, which has {names}"
+            )
+    units = given_load(geometry, [f"{group}:1" for group in groups], needed=False)
+    both = CommandLoads(geometry.loaded_body)
+    both.surfaces = [*known.surfaces, *units.surfaces]
+    both.pressures = [*known.pressures, *units.pressures]
+    found = following(both)
+    if found is None:
+        return None
+    values = np.eye(1 + len(groups), len(both.pressures), len(known.pressures) - 1)
+    values[0] = [*known.pressures, *(0.0 for _ in groups)]
+    return replace(found, pressures=values)
 
 
 def is_somewhere(text: str) -> bool:
@@ -231,6 +277,4 @@ def require_no_pressure(geometry: Geometry, text: str) -> None:
     corners = facets.shape[1]  # which stand before the other points of a facet
     pressed = {tuple(sorted(row[:corners])) for surface in geometry.surfaces for row in surface}
     if any(tuple(row) in pressed for row in facets):
-        raise InputError(
-            f"unknown: {text}: a pressure acts there, which cannot be sought; expected a force"
-        )
+        raise InputError(f"unknown: {text}: a pressure acts there, expected {PRESSURE}{text}")

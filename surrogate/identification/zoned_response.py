@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from shared_schema.common.errors import InputError, WorkError
 from shared_schema.materials import Materials, YoungPoisson, as_tuple
-from surrogate.certify.correction import iterated
-from surrogate.data.geometry import Geometry
-from surrogate.identification.responses import Response
+from surrogate.certify.correction import stable_state
+from surrogate.identification.responses import Response, unit_forces
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.solids.solid import Solid
 
@@ -34,44 +33,51 @@ class ZonedResponse(Response):
 
     def field(self, theta: Array) -> Array:
         """u(θ) in m; NaN if no equilibrium is found."""
-        body, forces = self._at(theta), self.unknowns.forces(theta)[None]
+        body, dead = self._at(theta), self.unknowns.forces(theta)[None]
+        forces = self.body.equilibrium.forces_at_points(dead)
         last = self._last
-        start = body.linear_response(forces) if last is None else last[None]
+        start = body.linear_response(body.at_rest(forces)) if last is None else last[None]
         if body.inverted(start)[0]:
             start = np.zeros_like(start)
         try:
-            self._last = found = iterated(body, forces, start, START).displacement
+            self._last = found = stable_state(body, forces, start, START).displacement
         except WorkError:
-            return np.full(forces.shape[1:], np.nan)
-        return found
+            return np.full((self.body.equilibrium.nodes, forces.shape[2]), np.nan)
+        return found[: self.body.equilibrium.nodes]
 
     def slopes(self, theta: Array, field: Array) -> Array:
         """∂u/∂θ; WorkError if the equilibrium is not stable."""
         body, zones = self._at(theta), self.unknowns.zones
-        respond = body.response_at(field)
+        at_rest = self.body.equilibrium
+        assert self._last is not None
+        u = self._last[None]
+        if not np.array_equal(u[0, : at_rest.nodes], field):
+            self.field(theta)
+            u = self._last[None]
+        respond = body.response_at(u[0])
         if respond is None:
             raise WorkError("the equilibrium that fits the markers is not stable")
-        u = torch.from_numpy(field[None])
-        inside = body.solid.internal_forces(u).numpy()
-        forces = [self.unknowns.patterns]
+        inside = body.solid.internal_forces(torch.from_numpy(u)).numpy()
+        forces = [unit_forces(at_rest, self.unknowns, u)]
         for number in range(len(zones)):
             twice = theta.copy()
             twice[len(theta) - len(zones) + number] += np.log(2.0)
-            forces.append(inside - self._solid(twice).internal_forces(u).numpy())
-        rates = respond(np.concatenate(forces) * body.free)
-        return np.asarray(np.moveaxis(rates, 0, -1))
+            forces.append(inside - self._solid(twice).internal_forces(torch.from_numpy(u)).numpy())
+        rates = respond(np.concatenate(forces))
+        return np.asarray(np.moveaxis(rates[:, : at_rest.nodes], 0, -1))
 
     def _at(self, theta: Array) -> Equilibrium:
-        """The body with some moduli; that of the last ones is kept."""
+        """The body with some moduli under the pressures; that of the last moduli is kept."""
         key = theta[len(theta) - len(self.unknowns.zones) :].tobytes()
         if self._body is None or self._body[0] != key:
             self._body = key, Equilibrium(self.body.equilibrium.geometry, self._materials(theta))
-        return self._body[1]
+        pressure = self.unknowns.pressure(theta)
+        return self._body[1] if pressure is None else self._body[1].under(pressure)
 
     def _solid(self, theta: Array) -> Solid:
         body, geometry = self.body.equilibrium, self.body.equilibrium.geometry
         mesh = geometry.coordinates, geometry.cells, geometry.cell_type
-        return type(body.solid)(*mesh, self._materials(theta), geometry.parts)
+        return type(body.solid)(*mesh, self._materials(theta), geometry.parts, geometry.fibres)
 
     def _materials(self, theta: Array) -> Materials:
         moduli = dict(zip(self.unknowns.zones, self.unknowns.young_moduli(theta), strict=True))
@@ -83,13 +89,13 @@ class ZonedResponse(Response):
         )
 
 
-def moduli_of_zones(geometry: Geometry, material: Materials, zones: tuple[str, ...]) -> Array:
+def moduli_of_zones(material: Materials, zones: tuple[str, ...]) -> Array:
     """Young's moduli at rest in Pa of some zones, (z,).
 
     Raises
     ------
     InputError
-        If there is no such zone, its material has none, or the body's equilibria have pressures.
+        If there is no such zone, or its material has none.
     """
     groups = {each.group: each for each in as_tuple(material)}
     found = []
@@ -100,6 +106,4 @@ def moduli_of_zones(geometry: Geometry, material: Materials, zones: tuple[str, .
             listed = ", ".join(f"'{g}'" for g in known) or "none of this body"
             raise InputError(f"unknown: young-modulus:{zone}: expected a zone, {listed}")
         found.append(each.young_modulus)
-    if zones and geometry.pressed is not None:
-        raise InputError("unknown: young-modulus of zones: expected a body without pressures")
     return np.array(found)

@@ -92,10 +92,6 @@ class TrainedBody(Remade):
         found.units = data.units
         return found
 
-    def require_nodes_alone(self, what: str, instead: str) -> None:
-        """Raise InputError if elements have points between the nodes; say what is there instead."""
-        require_nodes_alone(self.description.data.case, self.geometry.cell_type, what, instead)
-
     @cached_property
     def blocks(self) -> BlockSolve | None:
         """What solves with the stiffness of the body at rest on a GPU; None if that does not."""

@@ -206,10 +206,7 @@ def separated(geometry: Geometry, forces: Array) -> tuple[Array, FollowerPressur
 
 def following(given: CommandLoads) -> FollowerPressure | None:
     """Pressures of a load as those of one load case; None if it has none."""
-    if not given.surfaces:
-        return None
-    body, pressures = given.body, np.array([given.pressures])
-    return FollowerPressure.on(body.coordinates, given.surfaces, pressures, body.points)
+    return FollowerPressure.of_load(given)
 
 
 def given_load(

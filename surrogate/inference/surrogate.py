@@ -151,7 +151,9 @@ class Surrogate(TrainedNetwork):
             if tool is not None:
                 raise InputError("held and tool: expected one of them")
             frame = gripped(self, held, given, nearest, correct, tolerance)
-            given.forces += frame.force
+            nodes = len(given.forces)
+            given.forces += frame.force[:nodes]
+            given.between[: len(frame.force) - nodes] += frame.force[nodes:]
         elif tool is not None:
             contact = pushed(self, tool, given, correct, tolerance)
             given.forces += np.where(self.geometry.held, 0.0, contact.force)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from shared_schema.common.bodies.command_loads import CommandLoads
 from shared_schema.common.bodies.facet_quadrature import facet_derivatives, pressure_forces
 from shared_schema.common.bodies.quadratic.points_between import PointsBetween
 from surrogate.mechanics.matrices.cell_matrices import sum_of_cells
@@ -53,6 +54,14 @@ class FollowerPressure:
         """Pressures on facets of a body with nodes at some positions, which may have `points`."""
         at = coordinates if points is None else points.interpolated(coordinates)
         return cls(at, tuple(surfaces), pressures, points)
+
+    @classmethod
+    def of_load(cls, given: CommandLoads) -> FollowerPressure | None:
+        """Pressures of a load as those of one load case; None if it has none."""
+        if not given.surfaces:
+            return None
+        body, pressures = given.body, np.array([given.pressures])
+        return cls.on(body.coordinates, given.surfaces, pressures, body.points)
 
     def __getitem__(self, cases: slice | NDArray[np.int64]) -> FollowerPressure:
         """Pressures of some of the load cases."""

@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from copy import copy
+from dataclasses import replace
 from functools import cached_property, partial
 from typing import Any, TypeAlias
 
@@ -121,8 +122,8 @@ class Equilibrium:
 
     def under(self, pressure: FollowerPressure) -> Equilibrium:
         """Return equilibria of the same body, under the pressures of one load case as well."""
-        body = self._same_body()
-        body.pressure = pressure if pressure.pressures.any() else None
+        body, at = self._same_body(), self.geometry.coordinates  # those of all points
+        body.pressure = replace(pressure, coordinates=at) if pressure.pressures.any() else None
         return body
 
     def against(self, springs: ToolSprings) -> Equilibrium:
@@ -165,6 +166,10 @@ class Equilibrium:
     def forces_at_nodes(self, f: Array) -> Array:
         """Forces on the nodes that do the work of those on all points, in N."""
         return f
+
+    def load_of(self, f: Array) -> Array:
+        """The load that makes forces on all points: the inverse of `forces_at_points`."""
+        return np.concatenate([self.forces_at_nodes(f), f[:, self.nodes :]], axis=1)
 
     def imperfection(self) -> Array:
         """Imperfection of the body at all points, (n_nodes, d)."""

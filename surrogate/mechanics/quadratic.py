@@ -30,7 +30,6 @@ from shared_schema.common.bodies.imperfection import imperfection
 from shared_schema.common.bodies.quadratic.quadratic_cells import NAMES
 from shared_schema.materials import Materials
 from surrogate.data.geometry import Geometry
-from surrogate.mechanics.follower_pressure import FollowerPressure
 from surrogate.mechanics.newton_steps import norms
 from surrogate.mechanics.out_of_balance import Equilibrium
 
@@ -57,10 +56,6 @@ class QuadraticEquilibrium(Equilibrium):
         self.points = geometry.points_between
         super().__init__(on_points(geometry), material)
         self._material, self.nodes = material, len(geometry.coordinates)
-
-    def under(self, pressure: FollowerPressure) -> Equilibrium:
-        """Return equilibria of the same body, under the pressures of one load case as well."""
-        return super().under(replace(pressure, coordinates=self.geometry.coordinates))
 
     def at_points(self, u: Array, f: Array) -> Array:
         """Displacements of all points by those of the nodes, in m, under forces on all in N.

@@ -20,9 +20,10 @@ from numpy.typing import NDArray
 from shared_schema.common.bodies.force_tolerance import RELATIVE, ForceTolerance
 from shared_schema.common.errors import WorkError
 from shared_schema.tools import Tool
-from surrogate.certify.correction import Correction, iterated
+from surrogate.certify.correction import Correction, stable_state
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.tool_springs import ToolSprings
+from surrogate.touch.body import LoadedBody
 from surrogate.touch.halved_steps import halved_steps
 
 Array = NDArray[np.float64]
@@ -44,7 +45,7 @@ class ContactNewton:
     """
 
     def __init__(self, equilibrium: Equilibrium, surface: Numbers) -> None:
-        self._body, self._surface = equilibrium, surface
+        self._surface = surface
         layout, stiffness = equilibrium.layout, np.zeros(equilibrium.free.size)
         at_rest = layout.assembled(equilibrium.solid.stiffness_at_rest())[0]
         stiffness[layout.dofs] = layout.diagonal(at_rest)
@@ -52,14 +53,16 @@ class ContactNewton:
         self._stiffness = STIFFNESS * of_nodes.max(axis=1)
         self._at_rest = equilibrium.geometry.coordinates[surface]
 
-    def find(self, tool: Tool, load: Array, field: Array, force: Array) -> tuple[Correction, Array]:
+    def find(
+        self, tool: Tool, loaded: LoadedBody, field: Array, force: Array
+    ) -> tuple[Correction, Array]:
         """Find the equilibrium and the forces.
 
         Parameters
         ----------
         tool : Tool
-        load : array, (n_nodes or n_points, d)
-            Load in N beside the forces of the tool.
+        loaded : LoadedBody
+            The body under the load beside the tool.
         field, force : array, (n_nodes, d) and (n, d)
             Displacement in m to begin from, and forces of a tool on the surface in N.
 
@@ -74,37 +77,34 @@ class ContactNewton:
         WorkError
             If no stable equilibrium is found.
         """
-        body = self._body
-        f = body.forces_at_points(load[None])
+        body = loaded.equilibrium
+        f = body.forces_at_points(loaded.dead[None])
         u = body.at_points(field[None], f)
         if body.inverted(u)[0]:
             u, force = np.zeros_like(u), np.zeros_like(force)
         depth = max(0.0, -float(tool.gap(self._at_rest + u[0, self._surface]).min()))
-        sizes = np.linalg.norm(force, axis=1)
-        springs = ToolSprings(tool, self._surface, self._at_rest, self._stiffness, sizes)
-        found = list[Correction]()
 
-        def go(share: float) -> None:
-            nonlocal springs
-            at = found[-1].displacement[None] if found else u
-            balanced, sizes = self._balanced(replace(springs, back=(1 - share) * depth), f, at)
-            found.append(balanced)
-            springs = replace(springs, multipliers=sizes)
+        def go(share: float, last: tuple[Correction, Array]) -> tuple[Correction, Array]:
+            at, sizes = last[0].displacement[None], last[1]
+            given = self._surface, self._at_rest, self._stiffness, sizes, (1 - share) * depth
+            found, after = self._balanced(body, ToolSprings(tool, *given), f, at)
+            return replace(found, iterations=last[0].iterations + found.iterations), after
 
-        halved_steps(
+        found, sizes = halved_steps(
             go,
+            (Correction(u[0], START, 0, 0.0), np.linalg.norm(force, axis=1)),
             lambda share: (
                 f"no equilibrium with the tool is found: it enters the body by {share:.0%} of its "
                 "depth"
             ),
         )
-        at_nodes = found[-1].displacement[: body.nodes]
-        iterations = sum(each.iterations for each in found)
+        at_nodes = found.displacement[: body.nodes]
         normal = tool.normal(self._at_rest + at_nodes[self._surface])
-        last = replace(found[-1], displacement=at_nodes, iterations=iterations)
-        return last, springs.multipliers[:, None] * normal
+        return replace(found, displacement=at_nodes), sizes[:, None] * normal
 
-    def reaction(self, tool: Tool, last: Tool, load: Array, field: Array, force: Array) -> Array:
+    def reaction(
+        self, tool: Tool, last: Tool, loaded: LoadedBody, field: Array, force: Array
+    ) -> Array:
         r"""Resultant in N, (d,), of a tool close to the last one, linear around its equilibrium.
 
         With the stiffness K of body and springs, the normals N of the nodes that bear forces, the
@@ -115,19 +115,19 @@ class ContactNewton:
         Parameters
         ----------
         tool, last : Tool
-        load : array, (n_nodes or n_points, d)
-            Load in N beside the forces of the tool.
+        loaded : LoadedBody
+            The body under the load beside the tool.
         field, force : array, (n_nodes, d) and (n, d)
             Displacement in m and forces on the surface in N in the last equilibrium.
         """
-        u, sizes = self._at_points(field, load), np.linalg.norm(force, axis=1)
+        u, sizes = loaded.at_points(field, loaded.dead), np.linalg.norm(force, axis=1)
         springs = ToolSprings(last, self._surface, self._at_rest, self._stiffness, sizes)
-        bear, x = np.flatnonzero(sizes), self._at_rest + u[0, self._surface]
-        respond = self._body.against(springs).response_at(u[0])
+        bear, x = np.flatnonzero(sizes), self._at_rest + u[self._surface]
+        respond = loaded.equilibrium.against(springs).response_at(u)
         if respond is None or not len(bear):
             return np.asarray(force.sum(axis=0))
         n, every, nodes = last.normal(x[bear]), np.arange(len(bear)), self._surface[bear]
-        right = np.zeros((len(bear) + 1, *u.shape[1:]))
+        right = np.zeros((len(bear) + 1, *u.shape))
         right[every, nodes] = n
         right[-1, nodes] = sizes[bear, None] * (tool.normal(x[bear]) - n)
         moved = respond(right)[:, nodes]
@@ -137,20 +137,14 @@ class ContactNewton:
         shift = np.tensordot(np.append(found, 1.0), moved, 1)
         return np.asarray(after @ tool.normal(x[bear] + shift))
 
-    def holds(self, load: Array, field: Array) -> bool:
-        """True if the body is stable under the forces of the tool, without it."""
-        return self._body.response_at(self._at_points(field, load)[0]) is not None
-
-    def _at_points(self, field: Array, load: Array) -> Array:
-        """Displacement of all points in m, (1, n_points, d), by that of the nodes under a load."""
-        return self._body.at_points(field[None], self._body.forces_at_points(load[None]))
-
-    def _balanced(self, springs: ToolSprings, f: Array, u: Array) -> tuple[Correction, Array]:
+    def _balanced(
+        self, body: Equilibrium, springs: ToolSprings, f: Array, u: Array
+    ) -> tuple[Correction, Array]:
         """Equilibrium in which λ are the forces of the springs, and these, (n,)."""
         iterations, left, relative = 0, 0, FIRST
         for _ in range(ROUNDS):
             tolerance = ForceTolerance(relative=relative)
-            found = iterated(self._body.against(springs), f, u, START, tolerance)
+            found = stable_state(body.against(springs), f, u, START, tolerance)
             iterations, left = iterations + found.iterations, left + found.left
             u, sizes = found.displacement[None], springs.sizes(found.displacement)
             change = float(np.abs(sizes - springs.multipliers).max(initial=0.0))

@@ -37,7 +37,7 @@ from numpy.typing import NDArray
 
 from surrogate.descent.driven_body import longest
 from surrogate.descent.first_direction import first_direction
-from surrogate.touch.body import Body, Predict
+from surrogate.touch.body import Body, LoadedBody, Predict
 from surrogate.touch.force_search import part_of
 
 Array = NDArray[np.float64]
@@ -65,6 +65,8 @@ class DefectCorrection:
 
     Attributes
     ----------
+    body : LoadedBody
+        The body of the next frame, under the load there.
     wanted : bool
     shift : array, (n_nodes, d)
         δ_k in m, of the last step.
@@ -76,13 +78,16 @@ class DefectCorrection:
     error: float
 
     def __init__(self, model: Body, wanted: bool | None = None) -> None:
-        self._model, self.wanted = model, not model.has_series if wanted is None else wanted
+        self.body, self.wanted = (
+            LoadedBody.of(model),
+            not model.has_series if wanted is None else wanted,
+        )
         self._far = FAR_OF_SERIES if model.has_series else FAR
         self.forget()
 
     def forget(self) -> None:
         """Begin at rest, with no shift."""
-        zero = np.zeros(self._model.geometry.coordinates.shape)
+        zero = np.zeros(self.body.model.geometry.coordinates.shape)
         self.shift = self._field = self._force = self._further = self._grown = zero
         self._step, self._way, self._effect = zero, 0.0, 0.0
         self.error, self._looked_at = 0.0, zero
@@ -92,7 +97,7 @@ class DefectCorrection:
 
         The array is a new one, since `shows` may keep its own, as it may do with the forces.
         """
-        shift = self.shift_under(force) if force.any() else np.zeros_like(self.shift)
+        shift = self.shift_under(force) if self.body.acts(force) else np.zeros_like(self.shift)
         return np.asarray(shows(force)) + shift
 
     def shift_under(self, force: Array) -> Array:
@@ -111,7 +116,7 @@ class DefectCorrection:
             A change of the field in m, (n_nodes, d) → relative change of the forces that hold the
             body. Every frame is corrected if it is not given.
         """
-        if not force.any():
+        if not self.body.acts(force):
             self.forget()  # and what is shown has no shift
             return self.shift
         shift, way = self.shift_under(force), longest(field - self._field)
@@ -131,10 +136,10 @@ class DefectCorrection:
         return -shift
 
     def is_far(self, field: Array, force: Array) -> bool:
-        """Whether a field in m that is shown under all forces in N, (n_nodes, d), is no guide."""
+        """Whether a field in m that is shown under a dead load in N is no guide."""
         way = longest(field - self._looked_at)
         knows = self.error <= WELL * self._far and way <= MOVES_ON * longest(self._looked_at)
-        if not self.wanted and force.any() and not knows:
+        if not self.wanted and self.body.acts(force) and not knows:
             self._direction(field, force)
         return self.error > self._far
 
@@ -143,17 +148,17 @@ class DefectCorrection:
 
         Parameters
         ----------
-        field, force : array, (n_nodes, d)
-            Displacement in m, and all forces in N.
+        field, force : array, (n_nodes, d) and (n_nodes or n_points, d)
+            Displacement in m, and the whole dead load in N.
         """
-        if not force.any():
+        if not self.body.acts(force):
             return False
-        predicted = np.asarray(self._model.predict(force))
+        predicted = self.body.predict(force)
         return not longest(predicted - field) <= self._far * longest(field)
 
     def _direction(self, field: Array, force: Array) -> Array | None:
         """−P r in m, which estimates the error of a field; None if cells are inverted."""
-        found = first_direction(self._model.driven_body, force, field)
+        found = first_direction(self.body.driven_body, force, field)
         self._looked_at = field
         self.error = np.inf if found is None else longest(found) / (longest(field) or 1.0)
         return found

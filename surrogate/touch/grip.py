@@ -28,8 +28,10 @@ from shared_schema.common.arguments.real_numbers import real_numbers
 from shared_schema.common.bodies.command_loads import CommandLoads
 from shared_schema.common.errors import InputError, WorkError
 from surrogate.certify.correction import Correction
+from surrogate.data.geometry import Geometry
 from surrogate.descent.aim import require_positive
-from surrogate.touch.body import BY_FACTORY, Body, Predict, load_beside, together_with
+from surrogate.mechanics.out_of_balance import Equilibrium
+from surrogate.touch.body import Beside, Body, LoadedBody, Predict
 from surrogate.touch.defect_correction import ROUGHLY, DefectCorrection
 from surrogate.touch.force_search import TOLERANCE, ForceSearch, inverse
 from surrogate.touch.held_newton import HeldNewton
@@ -48,8 +50,9 @@ class GripFrame:
     ----------
     displacement : array, (n_nodes, d)
         In m.
-    force : array, (n_nodes, d)
-        Forces of the grips on the body in N, without the load beside them.
+    force : array, (n_nodes or n_points, d)
+        Forces of the grips on the body in N, without the load beside them; those of groups may act
+        between the nodes as well.
     reactions : array, (n_places, d)
         Resultant of these forces at each place in N.
     predictions : int
@@ -67,16 +70,16 @@ class GripFrame:
 
 @dataclass(frozen=True)
 class Shown:
-    """The field in m that is shown under forces in N of grips and beside them."""
+    """The field in m that is shown under forces of grips on the held components in N."""
 
     field: Array
     grips: Array
-    acting: Array
+    loaded: LoadedBody
     predict: Predict | None
 
-    def is_of(self, grips: Array, acting: Array, predict: Predict | None) -> bool:
+    def is_of(self, grips: Array, loaded: LoadedBody, predict: Predict | None) -> bool:
         """Whether it is the field of these forces."""
-        same = np.array_equal(grips, self.grips) and np.array_equal(acting, self.acting)
+        same = np.array_equal(grips, self.grips) and loaded.is_under(self.loaded)
         return same and predict is self.predict
 
 
@@ -115,8 +118,7 @@ class Grip:
     ------
     InputError
         If there is no such node or group, one is held already, the tolerance is not positive, or
-        the body's material is none of the learner's, or its elements have points between the
-        nodes.
+        the body's material is none of the learner's.
     """
 
     def __init__(
@@ -129,7 +131,6 @@ class Grip:
         corrected: bool | None = None,
     ) -> None:
         require_positive("tolerance", tolerance)
-        model.require_nodes_alone("held places", BY_FACTORY)
         together = CommandLoads(model.geometry.loaded_body)
         components, displacements = [], []
         for text in _texts(held, model.geometry.dimension):
@@ -141,9 +142,10 @@ class Grip:
         self.components = read_only(np.array(components))
         self.displacements = read_only(np.array(displacements))
         self.notes = tuple(together.notes)
-        self._model, self._dofs = model, np.flatnonzero(together.moved)
+        self._model, self._held = model, at_points(model.geometry, together.moved)
+        self._dofs = np.flatnonzero(self._held)
         self.tolerance = tolerance
-        self._search = ForceSearch(stiffness_at_rest(model, together.moved))
+        self._search = ForceSearch(stiffness_at_rest(model.equilibrium, self._held))
         self._defect = DefectCorrection(model, corrected)
         self._shown: Shown | None = None
         self._is_far = False  # whether predictions miss the last frame
@@ -153,7 +155,7 @@ class Grip:
     def move(
         self,
         displacements: ArrayLike,
-        load: Array | None = None,
+        load: Beside = None,
         *,
         predict: Predict | None = None,
     ) -> GripFrame:
@@ -163,11 +165,12 @@ class Grip:
         ----------
         displacements : array, (n_places, d)
             In m; those of free components have no meaning.
-        load : array, (n_nodes or n_points, d), optional
-            A load in N beside the forces of the grips, as that of `Surrogate.certify`.
+        load : array (n_nodes or n_points, d), str, sequence of str or CommandLoads, optional
+            A load beside the forces of the grips, as that of `Surrogate.solve`: dead forces in N,
+            or texts, also of pressures.
         predict : callable, optional
-            Nodal forces in N to displacements in m, both (n_nodes, d); `Surrogate.predict` by
-            default.
+            The whole dead load in N to displacements in m, (n_nodes, d), with the pressures that
+            act beside it; predictions of the surrogate by default.
 
         Raises
         ------
@@ -176,54 +179,51 @@ class Grip:
         WorkError
             If no forces are found, or what they predict is wrong and there is no equilibrium.
         """
+        wanted, loaded = self._given(displacements, load)
         if predict is None and self._is_far:
-            return self._beyond_predictions(displacements, load)
-        wanted, acting = self._given(displacements, load)
-        shows, shown, count = predict or self._model.predict, self._shown, 0
+            return self._beyond_predictions(wanted, loaded)
+        shows, shown, count = predict or loaded.predict, self._shown, 0
         target = wanted.ravel()[self._dofs]
         if predict is not None or shown is None:
             self._defect.forget()
+        self._defect.body = loaded
 
         def displaced(forces: Array) -> Array:
             nonlocal shown, count
-            held = np.zeros(wanted.size)
-            held[self._dofs] = forces
-            grips = held.reshape(wanted.shape)
-            if shown is None or not shown.is_of(grips, acting, predict):
+            if shown is None or not shown.is_of(forces, loaded, predict):
                 count += 1
-                field = self._defect.predicted(shows, together_with(acting, grips))
-                shown = Shown(field, grips, acting, predict)
-            return shown.field.ravel()[self._dofs]
+                field = self._defect.predicted(shows, self._total(loaded, forces))
+                shown = Shown(field, forces.copy(), loaded, predict)
+            return self._at_held(shown)
 
         try:
             if predict is None and self._defect.wanted:
                 self._search.find(displaced, target, max(self.tolerance, ROUGHLY))
                 assert shown is not None
                 felt = partial(self._felt, grips=shown.grips)
-                total = together_with(acting, shown.grips)
-                change = self._defect.improve(shown.field, total, felt)
+                change = self._defect.improve(shown.field, self._total(loaded, shown.grips), felt)
                 shown = replace(shown, field=shown.field + change)
             self._search.find(displaced, target, self.tolerance)  # asks for what it finds last
         except WorkError as error:
             try:
-                return self.correct(displacements, load)
+                return self._corrected(wanted, loaded)
             except WorkError:
                 raise error from None
         assert shown is not None
-        if predict is None and self._defect.is_far(shown.field, together_with(acting, shown.grips)):
-            return self._beyond_predictions(displacements, load)
+        total = self._total(loaded, shown.grips)
+        if predict is None and self._defect.is_far(shown.field, total):
+            return self._beyond_predictions(wanted, loaded)
         self._shown, self._field = shown, shown.field
-        return self._frame(shown.field, shown.grips, count)
+        return self._frame(shown.field, self._of_grips(shown.grips), count)
 
-    def _beyond_predictions(self, displacements: ArrayLike, load: Array | None) -> GripFrame:
+    def _beyond_predictions(self, wanted: Array, loaded: LoadedBody) -> GripFrame:
         """Find the equilibrium, and whether it can be predicted."""
-        frame = self.correct(displacements, load)
-        total = together_with(load_beside(self._model.geometry, load), frame.force)
-        self._is_far = self._defect.misses(frame.displacement, total)
+        frame, self._defect.body = self._corrected(wanted, loaded), loaded
+        self._is_far = self._defect.misses(frame.displacement, loaded.with_forces(frame.force))
         return frame
 
     @checked_arguments
-    def correct(self, displacements: ArrayLike, load: Array | None = None) -> GripFrame:
+    def correct(self, displacements: ArrayLike, load: Beside = None) -> GripFrame:
         """Find the equilibrium of the finite elements, beginning at the last frame.
 
         Raises
@@ -233,17 +233,19 @@ class Grip:
         WorkError
             If no stable equilibrium is found.
         """
-        wanted, acting = self._given(displacements, load)
-        found, force = self._newton.find(wanted, acting, self._field)
+        return self._corrected(*self._given(displacements, load))
+
+    def _corrected(self, wanted: Array, loaded: LoadedBody) -> GripFrame:
+        found, force = self._newton.find(wanted, loaded, self._field)
         self._field, self._shown = found.displacement.copy(), None
-        return self._frame(found.displacement, force, 0, found)
+        return self._frame(found.displacement, self._of_grips(force.ravel()[self._dofs]), 0, found)
 
     @cached_property
     def _newton(self) -> HeldNewton:
-        return HeldNewton(self._model.equilibrium, np.asarray(self.components.any(axis=0)))
+        return HeldNewton(self._model.equilibrium, self._held)
 
-    def _given(self, displacements: ArrayLike, load: Array | None) -> tuple[Array, Array]:
-        """Displacements of the held components in m, (n_nodes, d), and the load in N."""
+    def _given(self, displacements: ArrayLike, load: Beside) -> tuple[Array, LoadedBody]:
+        """Displacements of the held components in m, (n_points, d), and the body under a load."""
         moved = real_numbers(displacements, "displacements")
         places, _, d = self.components.shape
         if moved.shape != (places, d) or not np.isfinite(moved).all():
@@ -252,11 +254,36 @@ class Grip:
                 "in m, one of each place"
             )
         wanted = np.einsum("pd,pnd->nd", moved, self.components)
-        return wanted, load_beside(self._model.geometry, load)
+        at_points = self._model.equilibrium.interpolated(wanted[None])[0]
+        return at_points, LoadedBody.of(self._model, load)
+
+    def _of_grips(self, forces: Array) -> Array:
+        """The load in N, (n_nodes or n_points, d), of forces on the held components, (m,)."""
+        at_points = np.zeros(self._held.size)
+        at_points[self._dofs] = forces
+        found = self._model.equilibrium.load_of(at_points.reshape(1, *self._held.shape))[0]
+        return found if self._between else found[: len(self._field)]
+
+    def _total(self, loaded: LoadedBody, forces: Array) -> Array:
+        """The whole dead load in N with forces on the held components, (m,)."""
+        return loaded.with_forces(self._of_grips(forces))
+
+    @property
+    def _between(self) -> bool:
+        """Whether points between the nodes are held."""
+        return bool(self._dofs[-1] >= self._field.size)
+
+    def _at_held(self, shown: Shown) -> Array:
+        """Displacements of the held components in m, (m,)."""
+        field = shown.field
+        if self._between:
+            field = shown.loaded.at_points(field, self._total(shown.loaded, shown.grips))
+        return np.asarray(field.ravel()[self._dofs])
 
     def _felt(self, change: Array, grips: Array) -> float:
         """Forces of grips that a change of the field in m would take, over those that there are."""
-        taken = self._search.forces_of(change.ravel()[self._dofs])
+        at_points = self._model.equilibrium.interpolated(change[None])
+        taken = self._search.forces_of(at_points.ravel()[self._dofs])
         return float(np.linalg.norm(taken) / (np.linalg.norm(grips) or 1.0))
 
     def _frame(
@@ -266,21 +293,31 @@ class Grip:
         predictions: int,
         correction: Correction | None = None,
     ) -> GripFrame:
-        reactions = np.einsum("nd,pnd->pd", force, self.components)
-        return GripFrame(field.copy(), force.copy(), reactions, predictions, correction)
+        reactions = np.einsum("nd,pnd->pd", force[: len(field)], self.components)
+        return GripFrame(field.copy(), force, reactions, predictions, correction)
 
 
-def stiffness_at_rest(model: Body, held: NDArray[np.bool_]) -> Array:
+def at_points(geometry: Geometry, moved: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Components that grips hold at all points: those held at all nodes around, as supports do.
+
+    From (n_nodes, d) to (n_points, d).
+    """
+    points = geometry.loaded_points
+    if points is None:
+        return moved
+    return np.asarray(points.held(geometry.held | moved) & geometry.free_at_points)
+
+
+def stiffness_at_rest(body: Equilibrium, held: NDArray[np.bool_]) -> Array:
     """Inverse of the block of K⁻¹ of held components, (m, m) in N/m."""
-    dofs, body = np.flatnonzero(held), model.equilibrium
+    dofs = np.flatnonzero(held)
     block = np.empty((len(dofs), len(dofs)))
     for start in range(0, len(dofs), COLUMNS):
         some = dofs[start : start + COLUMNS]
         unit = np.zeros((len(some), held.size))
         unit[np.arange(len(some)), some] = 1.0
-        response = body.linear_response(body.forces_at_points(unit.reshape(-1, *held.shape)))
-        at_nodes = response[:, : body.nodes].reshape(len(some), -1)
-        block[start : start + len(some)] = at_nodes[:, dofs]
+        response = body.linear_response(unit.reshape(-1, *held.shape))
+        block[start : start + len(some)] = response.reshape(len(some), -1)[:, dofs]
     return inverse(block)
 
 

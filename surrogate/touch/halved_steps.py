@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TypeVar
 
 from shared_schema.common.errors import WorkError
 
 SMALLEST = 1 / 64  # step, as a part of the way
+State = TypeVar("State")
 
 
-def halved_steps(go: Callable[[float], object], missing: Callable[[float], str]) -> None:
-    """Go all the way.
+def halved_steps(
+    go: Callable[[float, State], State], begin: State, missing: Callable[[float], str]
+) -> State:
+    """Go all the way, and return the state at its end.
 
     Parameters
     ----------
     go : callable
-        Goes on to a part of the way, up to 1; WorkError if that fails, and then nothing is changed.
+        Goes on to a part of the way, up to 1, from the last state to the next one; WorkError if
+        that fails, and then nothing is changed.
+    begin : object
+        The first state.
     missing : callable
         Says what is not found beyond a part of the way.
 
@@ -24,14 +31,15 @@ def halved_steps(go: Callable[[float], object], missing: Callable[[float], str])
     WorkError
         If the smallest step fails.
     """
-    share, step = 0.0, 1.0
+    share, step, state = 0.0, 1.0, begin
     while share < 1.0:
         aim = min(1.0, share + step)
         try:
-            go(aim)
+            state = go(aim, state)
         except WorkError as error:
             step /= 2
             if step < SMALLEST:
                 raise WorkError(f"{missing(share)} ({error})") from None
         else:
             share, step = aim, 2 * step
+    return state

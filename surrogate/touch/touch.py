@@ -29,7 +29,7 @@ from surrogate.certify.correction import Correction
 from surrogate.descent.aim import require_positive
 from surrogate.descent.driven_body import longest
 from surrogate.touch.bend import Bend
-from surrogate.touch.body import Body, Predict, load_beside
+from surrogate.touch.body import Beside, Body, LoadedBody, Predict
 from surrogate.touch.contact_newton import ContactNewton
 from surrogate.touch.defect_correction import ROUGHLY, DefectCorrection
 from surrogate.touch.halved_steps import halved_steps
@@ -120,13 +120,13 @@ class Touch:
         self._defect.forget()
         self._bend = Bend(self._body, *self._at_rest.shape)
         self._force: Array = np.zeros(self._at_rest.shape)
-        self._acting, self._field = np.zeros(shape), np.zeros(shape)
+        self._loaded, self._field = LoadedBody.of(self._model), np.zeros(shape)
         self._shown_by: object = None
         self._holds, self._tool = True, None
 
     @checked_arguments
     def move(
-        self, tool: Tool, load: Array | None = None, *, predict: Predict | None = None
+        self, tool: Tool, load: Beside = None, *, predict: Predict | None = None
     ) -> TouchFrame:
         """Predict the body with the tool where it is.
 
@@ -134,11 +134,12 @@ class Touch:
         ----------
         tool : Tool
             Of `shared_schema.tools`.
-        load : array, (n_nodes or n_points, d), optional
-            A load in N beside the forces of the tool, as that of `Surrogate.certify`.
+        load : array (n_nodes or n_points, d), str, sequence of str or CommandLoads, optional
+            A load beside the forces of the tool, as that of `Surrogate.solve`: dead forces in N,
+            or texts, also of pressures.
         predict : callable, optional
-            Nodal forces in N to displacements in m, both (n_nodes, d); `Surrogate.predict` by
-            default.
+            The whole dead load in N to displacements in m, (n_nodes, d), with the pressures that
+            act beside it; predictions of the surrogate by default.
 
         Raises
         ------
@@ -148,28 +149,29 @@ class Touch:
         WorkError
             If no forces are found.
         """
-        acting, shows = self._acting_with(tool, load), predict or self._model.predict
+        loaded = self._loaded_with(tool, load)
+        shows, total = predict or loaded.predict, partial(self._total, loaded)
         if predict is not None or self._shown_by is not None:
             self._defect.forget()
+        self._defect.body = loaded
 
         def predicted(force: Array) -> Array:
-            return self._defect.predicted(shows, self._all_forces(acting, force))
+            return self._defect.predicted(shows, total(force))
 
         if self._holds:
             search = Search(self._body, self._at_rest, self.surface, predicted)
             search.force, search.field = self._force, self._field
             search.expected = self._bend.expected(search.approach(self._tool or tool, tool))
-            if predict is not self._shown_by or not np.array_equal(acting, self._acting):
+            if predict is not self._shown_by or not loaded.is_under(self._loaded):
                 search.predict(self._force)
             try:
                 if predict is None and self._defect.wanted:
                     search.find(tool, max(self.tolerance, ROUGHLY))
-                    force = self._all_forces(acting, search.force)
                     felt = partial(felt_at, self.surface[search.force.any(axis=1)], search.field)
-                    search.field = search.field + self._defect.improve(search.field, force, felt)
+                    change = self._defect.improve(search.field, total(search.force), felt)
+                    search.field = search.field + change
                 search.find(tool, self.tolerance)
-                force = self._all_forces(acting, search.force)
-                if predict is None and self._defect.is_far(search.field, force):
+                if predict is None and self._defect.is_far(search.field, total(search.force)):
                     raise WorkError("predictions are too far from equilibrium")
             except WorkError:
                 pass
@@ -178,16 +180,16 @@ class Touch:
                 if search.lack is not None:
                     effect = (search.field - self._field)[self.surface]
                     self._bend.learn(search.lack, search.force - self._force, effect)
-                return self._frame(tool, acting, search.field, search.force, search.predictions)
-        frame = self.correct(tool, load)
-        self._holds = self._newton.holds(acting, frame.displacement)
+                return self._frame(tool, loaded, search.field, search.force, search.predictions)
+        frame = self._corrected(tool, loaded)
+        force = total(frame.force[self.surface])
+        self._holds = loaded.is_stable(frame.displacement, force)
         if self._holds and predict is None:
-            total = self._all_forces(acting, frame.force[self.surface])
-            self._holds = not self._defect.misses(frame.displacement, total)
+            self._holds = not self._defect.misses(frame.displacement, force)
         return frame
 
     @checked_arguments
-    def correct(self, tool: Tool, load: Array | None = None) -> TouchFrame:
+    def correct(self, tool: Tool, load: Beside = None) -> TouchFrame:
         """Find the equilibrium of the finite elements with the tool, beginning at the last frame.
 
         Raises
@@ -197,46 +199,45 @@ class Touch:
         WorkError
             If no stable equilibrium is found.
         """
-        acting = self._acting_with(tool, load)
+        return self._corrected(tool, self._loaded_with(tool, load))
+
+    def _corrected(self, tool: Tool, loaded: LoadedBody) -> TouchFrame:
         try:
-            found, force = self._newton.find(tool, acting, self._field, self._force)
+            found, force = self._newton.find(tool, loaded, self._field, self._force)
         except WorkError:
             if not self._force.any():
                 raise
             self.let_go()
-            found, force = self._newton.find(tool, acting, self._field, self._force)
+            found, force = self._newton.find(tool, loaded, self._field, self._force)
         self._shown_by = self._newton
-        return self._frame(tool, acting, found.displacement.copy(), force, 0, found)
+        return self._frame(tool, loaded, found.displacement.copy(), force, 0, found)
 
-    def _all_forces(self, acting: Array, on_surface: Array) -> Array:
-        """Those of a tool and the load beside it in N; supports bear the others."""
-        total = acting.copy()
-        total[self.surface] += on_surface
-        at_nodes = total[: len(self._geometry.coordinates)]
-        at_nodes[~self._geometry.free] = 0.0
-        return total
+    def _total(self, loaded: LoadedBody, on_surface: Array) -> Array:
+        """The whole dead load in N with the forces of a tool on the surface, (n, d)."""
+        force = np.zeros(self._geometry.coordinates.shape)
+        force[self.surface] = on_surface
+        return loaded.with_forces(force)
 
     @cached_property
     def _newton(self) -> ContactNewton:
         return ContactNewton(self._model.equilibrium, self.surface)
 
-    def _acting_with(self, tool: Tool, load: Array | None) -> Array:
-        """Load beside the forces of a tool in N, (n_nodes or n_points, d)."""
-        geometry = self._geometry
-        require_outside(tool, geometry.coordinates, geometry.free)
-        return load_beside(geometry, load)
+    def _loaded_with(self, tool: Tool, load: Beside) -> LoadedBody:
+        """The body under the load beside a tool, which can come to its place."""
+        require_outside(tool, self._geometry.coordinates, self._geometry.free)
+        return LoadedBody.of(self._model, load)
 
     def _frame(
         self,
         tool: Tool,
-        acting: Array,
+        loaded: LoadedBody,
         field: Array,
         on_surface: Array,
         predictions: int,
         correction: Correction | None = None,
     ) -> TouchFrame:
         """Keep what is found, and describe it."""
-        self._force, self._field, self._acting, self._tool = on_surface, field, acting, tool
+        self._force, self._field, self._loaded, self._tool = on_surface, field, loaded, tool
         geometry, force = self._geometry, np.zeros(field.shape)
         force[self.surface] = on_surface
         gap = tool.gap(geometry.coordinates + field)
@@ -268,7 +269,7 @@ class Touch:
         found = linear_contact(body, tool, x, force, settled=CLOSE) if self._holds else None
         if found is None:  # of a body that the contact holds
             last = self._tool or tool
-            return self._newton.reaction(tool, last, self._acting, self._field, force)
+            return self._newton.reaction(tool, last, self._loaded, self._field, force)
         return np.asarray(found.sum(axis=0))
 
 
@@ -349,14 +350,15 @@ class Search:
         """
         depth = max(0.0, -float(tool.gap(self.positions()).min()))
 
-        def go(share: float) -> None:
-            force, field = self.force, self.field
+        def go(share: float, last: tuple[Array, Array]) -> tuple[Array, Array]:
+            self.force, self.field = last
             if not self._converges(tool, (1 - share) * depth, tolerance):
-                self.force, self.field = force, field
                 raise WorkError(f"{self.predictions} predictions")
+            return self.force, self.field
 
         halved_steps(
             go,
+            (self.force, self.field),
             lambda share: (
                 f"no forces of the tool are found: it enters the body by {share:.0%} of its depth"
             ),

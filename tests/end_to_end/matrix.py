@@ -152,8 +152,6 @@ def found_in(listed: tuple[Fields, ...], field: Field) -> str | None:
 BETWEEN = ("quadratic", "incompressible")
 REASONS: tuple[Fields, ...] = ()
 OPEN: tuple[Fields, ...] = (
-    Fields("for elements without points between the nodes", ("hold", "identify"), (DEAD,), BETWEEN),
-    Fields("beside forces, not pressures", BESIDE, (PRESSURE,)),
     Fields("the series of linear elements of one Neo-Hookean material, else K⁻¹f", ("export",)),
 )
 

@@ -259,7 +259,6 @@ CALLS: dict[str, Call] = {
     "Surrogate.under": lambda w, g: w.model.under(None),
     "Surrogate.balanced": lambda w, g: w.model.balanced(),
     "Surrogate.score_scale": lambda w, g: w.bayes.score_scale(w.distribution),
-    "Surrogate.require_nodes_alone": lambda w, g: w.model.require_nodes_alone("pages", ""),
     "Surrogate.require_stochastic": lambda w, g: w.bayes.require_stochastic(passes=2),
     **{f"Surrogate.{name}": attribute("model", name) for name in OF_MODELS},
     "Surrogate.intervals": lambda w, g: w.intervals,

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import surrogate
+from shared_schema.common.bodies.command_loads import CommandLoads
 from shared_schema.common.errors import WorkError
 from surrogate.identification.least_squares import fit, wild_cost
 from surrogate.identification.responses import PredictedResponse
@@ -22,7 +23,7 @@ def test_one_step_gives_the_probabilities_of_whole_fits(load: str) -> None:
     truth = beam.solve(load, nearest=True, correct=True).displacement
     markers = seen(beam, truth)
     at_markers = markers.interpolation(geometry)
-    unknowns = Unknowns.of(geometry, ["somewhere"], np.zeros(truth.shape), np.empty(0))
+    unknowns = Unknowns.of(geometry, ["somewhere"], CommandLoads(geometry.loaded_body), np.empty(0))
     candidates = Search(beam, markers.moved, at_markers, NOISE).somewhere(unknowns, [0.0])
     shares = {one.node: one.share for one in candidates if one.node is not None}
     assert len(shares) > 2

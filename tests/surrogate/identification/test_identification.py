@@ -12,6 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 import surrogate
+from shared_schema.common.bodies.command_loads import CommandLoads
 from shared_schema.common.errors import InputError, WorkError
 from surrogate import Markers, identify
 from surrogate.command_line import main
@@ -143,16 +144,20 @@ def test_model_errors_widen_intervals(beam: surrogate.Surrogate) -> None:
         assert np.abs(other.std_displacement - one.std_displacement).max() < 2e-4
 
 
-def test_a_pressure_is_refused() -> None:
-    """A group that a pressure of the case follows has no total force."""
+def test_a_force_where_a_pressure_acts_is_refused() -> None:
+    """A group that a pressure of the case follows has no total force; the pressure is sought."""
     body = box("quad")
     end = body.coordinates[:, 0] == 2
     pressed = replace(body, groups={"end": end, "top": body.coordinates[:, 1] == 1})
     pressed = replace(pressed, pressed=pressed.loaded_body.facets_of("end"))
-    none = np.zeros(body.coordinates.shape)
+    none = CommandLoads(pressed.loaded_body)
     assert Unknowns.of(pressed, ["top"], none, np.empty(0)).names == ("top x", "top y")
-    with pytest.raises(InputError, match="unknown: end: a pressure acts there, which cannot be"):
+    with pytest.raises(InputError, match="unknown: end: a pressure acts there, expected pressure:"):
         Unknowns.of(pressed, ["end"], none, np.empty(0))
+    sought = Unknowns.of(pressed, ["pressure:end", "top"], none, np.empty(0))
+    assert sought.names == ("top x", "top y", "pressure:end")
+    with pytest.raises(InputError, match="pressure:side: expected a group of the mesh"):
+        Unknowns.of(pressed, ["pressure:side"], none, np.empty(0))
 
 
 def test_stiffness_and_a_force(beam: surrogate.Surrogate) -> None:

@@ -16,6 +16,7 @@ from surrogate.command_line import main
 from surrogate.data.dataset import Dataset
 from surrogate.identification.unknowns import Unknowns
 from surrogate.identification.zoned_response import ZonedResponse
+from surrogate.inference.given_load import given_load
 from tests.surrogate.mechanics.bodies import with_zones
 
 Array = NDArray[np.float64]
@@ -84,8 +85,8 @@ def test_intervals_hold_the_moduli(body: surrogate.Surrogate) -> None:
 def test_slopes_are_those_of_differences(body: surrogate.Surrogate) -> None:
     """Central differences of equilibria by the logarithm of each modulus."""
     geometry = body.geometry
-    force = body.solve(load_of(body)).force
-    unknowns = Unknowns.of(geometry, ZONES, force, np.array([500.0, 500.0]))
+    known = given_load(geometry, load_of(body))
+    unknowns = Unknowns.of(geometry, ZONES, known, np.array([500.0, 500.0]))
     one = np.ones((1, len(geometry.coordinates)))
     response = ZonedResponse(body, unknowns, csr_array(one), np.ones(2))
     theta = np.array([-0.3, 0.4])

@@ -172,7 +172,7 @@ def test_every_public_name_is_called() -> None:
         "precision",
         "run",
     }
-    said |= {"require_stochastic", "require_nodes_alone"}
+    said |= {"require_stochastic"}
     said |= {"prepare", "with_young_moduli"}  # which write, or make another model
     inner = {"descend", "driven_body"}  # in predict
     inner |= {"blocks"}  # on a GPU, in estimates

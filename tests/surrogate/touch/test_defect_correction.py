@@ -26,11 +26,17 @@ class WrongPredictions:
         self.geometry, self.equilibrium = model.geometry, model.equilibrium
         self.driven_body, self._model = model.driven_body, model
 
-    def require_nodes_alone(self, what: str, instead: str) -> None:
-        self._model.require_nodes_alone(what, instead)
-
     def predict(self, forces: Any, **_: Any) -> Any:
         return TOO_FAR * self._model.predict(forces)
+
+    @property
+    def predictor(self) -> Any:
+        return self._model.predictor
+
+    def descend(
+        self, dead: Any, pressure: Any, predicted: Any, aim: Any, last_term: Any = np.inf
+    ) -> Any:
+        return self._model.descend(dead, pressure, predicted, aim, last_term)
 
 
 @pytest.fixture(scope="module")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 import surrogate
 from shared_schema.tools import Plane, Sphere
 from surrogate.mechanics.quadratic import QuadraticEquilibrium
+from surrogate.touch.body import LoadedBody
 from surrogate.touch.contact_newton import ContactNewton
 from tests.surrogate.mechanics.bodies import MATERIAL, box
 
@@ -48,7 +50,8 @@ def test_points_between_the_nodes(mean_dilation: bool) -> None:
     surface = surface[~geometry.clamped[surface]]
     still, plane = np.zeros(geometry.coordinates.shape), Plane((1.8, 0.0), (-1.0, 0.0))
     newton = ContactNewton(body, surface)
-    found, force = newton.find(plane, still, still, np.zeros((len(surface), 2)))
+    loaded = LoadedBody(SimpleNamespace(geometry=geometry, equilibrium=body), still)
+    found, force = newton.find(plane, loaded, still, np.zeros((len(surface), 2)))
     acting = np.zeros_like(still)
     acting[surface] = force
     u = body.at_points(found.displacement[None], body.forces_at_points(acting[None]))

@@ -178,8 +178,6 @@ def test_wrong_tools(beam: surrogate.Surrogate, tool: Any, said: str) -> None:
 def test_refusals(beam: surrogate.Surrogate) -> None:
     with pytest.raises(InputError, match="expected one of them"):
         beam.solve(tool=DISC, held={"4,1": (0, 0)})
-    with pytest.raises(InputError, match="expected forces beside it, no pressure"):
-        surrogate.load("finger3d").solve("notches:1000", tool=Sphere((0.2, 0, 0), 0.01))
     with pytest.raises(WorkError, match="inside the tool, expected one that comes from outside"):
         beam.solve(tool=Sphere((2.0, 0.5), 0.3))  # no node of the surface is in it
 
@@ -199,6 +197,20 @@ def test_body_whose_case_has_pressures() -> None:
     place = ",".join(map(repr, map(float, tip)))
     held = finger.solve(held={place: (None, None, -0.003)}, tolerance=2e-3)
     assert held.displacement[finger.geometry.tip, 2] == pytest.approx(-0.003, rel=1e-3)
+
+
+def test_inflated_finger_touches_a_wall() -> None:
+    """Beside a pressure that follows the surface, which grows from frame to frame.
+
+    In the equilibrium with the contact, by ``--correct``, the wall bears 65.47 mN.
+    """
+    finger, wall = surrogate.load("finger3d"), Plane((0.0, 0.0, -0.01), (0.0, 0.0, 1.0))
+    touch = surrogate.Touch(finger)
+    for pressure in (600, 800, 1000):
+        frame = touch.move(wall, f"notches:{pressure}")
+    assert frame.correction is None
+    assert frame.reaction == pytest.approx((0, 0, 0.06547), rel=0.02, abs=1e-6)
+    assert touch.move(wall).nodes == 0
 
 
 def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
