@@ -441,10 +441,13 @@ NO_ARRAYS = {  # given paths and numbers alone, and returning what is in files
     "Intervals.serialised",
     "LearningCurve.plot",
 }
-SHARED = {  # another name of what the caller owns, or a part of the model
+SHARED = {  # another name of what the caller owns, a part of the model, or a step of an estimate
     "Dataset.at_nodes",
     "Dataset.train",
     "Dataset.training",
+    "FastEstimate.joined",
+    "FastEstimate.projected",
+    "FastEstimate.stresses",
     "Solution.estimated_error",
     "Solution.lower",
     "Solution.std_aleatoric",

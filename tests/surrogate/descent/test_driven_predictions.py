@@ -87,7 +87,7 @@ def test_wrong_options(beam: surrogate.Surrogate, forces: np.ndarray) -> None:
             beam.predict(forces, budget=value)  # type: ignore[arg-type]
         with pytest.raises(InputError, match="budget"):
             beam.solve(LOAD, budget=value)  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="pressure: expected beside a tolerance"):
+    with pytest.raises(InputError, match="pressure: the case has none"):
         beam.predict(forces, pressure=[1.0])
     with pytest.raises(InputError, match=r"--tolerance 0\.001: expected --certify"):
         beam.solve(LOAD, tolerance=1e-3, correct=True)
