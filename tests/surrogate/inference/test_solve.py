@@ -324,5 +324,5 @@ def test_pressures_of_samples_are_told_from_their_forces(finger: surrogate.Surro
 
 
 def test_what_is_for_dead_loads_says_so(finger: surrogate.Surrogate) -> None:
-    with pytest.raises(InputError, match="proposed loads, refinement and estimates"):
+    with pytest.raises(InputError, match="proposed loads and refinement are for dead loads"):
         propose(finger, 1)
