@@ -44,7 +44,7 @@ MATERIALS: list[ShippedMaterial] = [
     MooneyRivlin(c10=60, c01=25, bulk_modulus=3000),
     Yeoh(c10=80, c20=-3, c30=0.4, bulk_modulus=3000),
     Gent(shear_modulus=170, limit=8, bulk_modulus=3000),
-    Ogden(mu=(100.0, 2.0), alpha=(1.3, 5.0), bulk_modulus=3000),
+    Ogden(mu=(100.0, 2.0), alpha=(1.3, 4.0), bulk_modulus=3000),
     ArrudaBoyce(shear_modulus=150, limit_stretch=1.5, bulk_modulus=3000),
 ]
 TORCH = SimpleNamespace(ln=torch.log, exp=torch.exp, positive=torch.relu)

@@ -37,7 +37,7 @@ MATERIALS: dict[str, Materials] = {
     "yeoh": Yeoh(c10=80, c20=30, c30=5, bulk_modulus=3000),
     "gent": Gent(shear_modulus=170, limit=8, bulk_modulus=3000),
     "arruda_boyce": ArrudaBoyce(shear_modulus=160, limit_stretch=2, bulk_modulus=3000),
-    "ogden": Ogden(mu=(150.0, -10.0), alpha=(1.3, -2.0), bulk_modulus=3000),
+    "ogden": Ogden(mu=(150.0, -10.0), alpha=(2.0, -2.0), bulk_modulus=3000),
     "guccione": Guccione(
         stiffness=40, b_f=8, b_t=3, b_fs=5, bulk_modulus=3000, fibres=((0.8, 0.6),)
     ),
