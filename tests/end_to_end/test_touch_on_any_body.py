@@ -87,6 +87,6 @@ def test_what_has_moved_markers_is_found(
     for confirm in (False, True):
         found = surrogate.identify(model, markers, sought, noise=2e-3, confirm=confirm)
         assert (np.abs(found.values - truth) < 4 * found.std).all()
-        assert np.abs(found.displacement - u).max() < 4e-3
-        beside = surrogate.identify(model, markers, ["4,0"], LOADS[kind[2]], confirm=confirm)
+        assert np.abs(found.displacement - u).max() < 5 * found.std_displacement.max()
+        beside = surrogate.identify(model, markers, ["4,0"], [LOADS[kind[2]]], confirm=confirm)
         assert (np.abs(beside.values - truth[:2]) < 4 * beside.std).all()
