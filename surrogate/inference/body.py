@@ -29,7 +29,6 @@ from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.quadratic import QuadraticEquilibrium
 from surrogate.networks.field_network import FieldNetwork
 from surrogate.runs.description import RunDescription
-from surrogate.series.series_response import SeriesResponse
 
 if TYPE_CHECKING:
     from surrogate.descent import Aim, Descent, DrivenBody
@@ -120,11 +119,6 @@ class TrainedBody(Remade):
                 "dead loads; certificates and corrections are there"
             )
         return self.equilibrium
-
-    @property
-    def has_series(self) -> bool:
-        """Whether the response of the body is a load series, beyond the linear one."""
-        return isinstance(self.network.linear, SeriesResponse)
 
     def under(self, pressure: FollowerPressure | None) -> Equilibrium:
         """Equilibrium under dead loads, and under the pressures of one load case if there are."""

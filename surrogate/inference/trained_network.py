@@ -25,6 +25,7 @@ from surrogate.networks.unet import parameter_count
 from surrogate.probabilistic.distribution import Distribution
 from surrogate.probabilistic.stochastic_passes import PASSES, require_passes
 from surrogate.runs.description import RunDescription
+from surrogate.series.series_response import SeriesResponse
 from surrogate.time_limit import require_time
 
 if TYPE_CHECKING:
@@ -97,6 +98,12 @@ class TrainedNetwork(TrainedBody):
     @precision.setter
     def precision(self, precision: Precision) -> None:
         self.predictor.batched.precision = precision
+
+    @property
+    def has_series(self) -> bool:
+        """Whether the response of the body is a load series, beyond the linear one."""
+        within = isinstance(self.network.linear, SeriesResponse)
+        return within or self.predictor.series is not None
 
     @property
     def is_probabilistic(self) -> bool:
