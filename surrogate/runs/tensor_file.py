@@ -24,7 +24,10 @@ TENSOR_DIGEST = "sha256"  # in files of earlier versions, which leaves out the m
 
 def serialised(tensors: Tensors, metadata: dict[str, str] | None = None) -> bytes:
     """Content of a file of tensors, text metadata and a digest of both."""
-    contiguous = {name: value.detach().cpu().contiguous() for name, value in tensors.items()}
+    contiguous = {  # a single element that is seen in many places counts as contiguous as it is
+        name: value.detach().cpu().clone(memory_format=torch.contiguous_format)
+        for name, value in tensors.items()
+    }
     text = metadata or {}
     return save(contiguous, {**text, DIGEST: tensor_digest(contiguous, text)})
 

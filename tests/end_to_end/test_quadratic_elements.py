@@ -192,7 +192,7 @@ def test_the_two_programs_have_one_equilibrium(
     [("quadratic", 0.45, "0.3,-0.5"), ("incompressible", 0.4999, "0.15,-0.25")],
 )
 def test_commands(element: str, ratio: float, force: str, tmp_path: Path) -> None:
-    """From the case to the correction, under a body force too; what is for nodes is refused."""
+    """From the case to the correction, under a body force and with a held place too."""
     case, config = tmp_path / "case.yaml", tmp_path / "config.yaml"
     of_case = CASE | {
         "element": element,
@@ -210,8 +210,9 @@ def test_commands(element: str, ratio: float, force: str, tmp_path: Path) -> Non
     execute(SURROGATE, "evaluate", run, "--data", structured, "--certify")
 
     model = surrogate.load(run)
-    with pytest.raises(InputError, match=f"'{element}': held places are for elements without"):
-        model.solve(held={"1,0.2": (0.001, -0.002)}, body_force=(0.5, -1))
+    held = model.solve(held={"1,0.2": (0.001, -0.002)}, body_force=(0.5, -1), correct=True)
+    place = np.linalg.norm(model.geometry.coordinates - (1, 0.2), axis=1).argmin()
+    np.testing.assert_allclose(held.displacement[place], (0.001, -0.002), rtol=1e-6)
     for samples in (
         read_nodal_dataset(nodal).samples,
         surrogate.read_dataset(structured).nodal_test,
@@ -245,7 +246,7 @@ def test_commands(element: str, ratio: float, force: str, tmp_path: Path) -> Non
         u = theirs["displacement"]
         np.testing.assert_allclose(ours["displacement"], u, rtol=0, atol=1e-5 * np.abs(u).max())
     assert certificates_of(RunFolder(run)) == "full, fast"
-    with pytest.raises(InputError, match=f"'{element}': proposed loads, refinement"):
+    with pytest.raises(InputError, match=f"'{element}': proposed loads and refinement"):
         surrogate.load(run).balanced()
     said = execute(SURROGATE, "predict", run, *load, "--certify", "fast", "--out", found, code=2)
     assert "--level 0.95: " in said.stderr  # too few held-out samples
