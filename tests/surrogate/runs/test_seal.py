@@ -211,3 +211,12 @@ def test_a_manifest_that_lists_a_file_elsewhere_is_refused(run: RunFolder, name:
     for read in (surrogate.load, lambda folder: RunFolder(folder).seal.require_intact()):
         with pytest.raises(InputError, match=re.escape(outside)):
             read(run.folder)
+
+
+def test_element_that_is_seen_in_many_places(tmp_path: Path) -> None:
+    """An array of one element counts as contiguous with whatever stride."""
+    given = {"one": torch.zeros(()).expand(1), "many": torch.ones(1).expand(3)}
+    assert given["one"].stride() == (0,)
+    save_atomically(given, tmp_path / "file.safetensors")
+    read, _ = load_tensors(tmp_path / "file.safetensors")
+    torch.testing.assert_close(read, given)
