@@ -42,19 +42,6 @@ def fields_at_nodes(geometry: Geometry, values: ArrayLike | Tensor, name: str) -
     return fields
 
 
-def checked_forces(geometry: Geometry, forces: ArrayLike | Tensor) -> Array:
-    """Return the nodal forces of a load in N, (n_nodes, d) or (N, n_nodes, d).
-
-    Those between the nodes, which they contain, are checked and left out.
-
-    Raises
-    ------
-    InputError
-        As `checked_loads`.
-    """
-    return checked_loads(geometry, forces)[..., : len(geometry.coordinates), :]
-
-
 def checked_loads(geometry: Geometry, forces: ArrayLike | Tensor) -> Array:
     """Return a load in N in double precision, (n_nodes, d) or (N, n_nodes, d).
 

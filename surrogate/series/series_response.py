@@ -179,12 +179,6 @@ class SeriesResponse(LinearResponse):
         linear = self.slopes(nodal.float()) / self.gradient_rms
         return self.fields_on_grid((nodal + beyond).float(), linear, self.slopes(last.float()))
 
-    def first_on_grid(self, nodal: Tensor) -> tuple[Tensor, Tensor]:
-        """Return what `on_grid` does of u₁ alone: linear in the load."""
-        nodal = nodal.float()
-        linear = self.slopes(nodal) / self.gradient_rms
-        return self.fields_on_grid(nodal, linear, torch.zeros_like(linear))
-
     def beyond_first(self, nodal: Tensor) -> tuple[Tensor, Tensor]:
         """Response beyond u₁, and its last term, at the nodes in m, of u₁: (N, d, n_nodes) each."""
         if torch.compiler.is_compiling():  # of an exported file

@@ -323,6 +323,11 @@ def test_pressures_of_samples_are_told_from_their_forces(finger: surrogate.Surro
         separated(body, total + 0.01 * body.free)
 
 
+def test_pressure_of_a_network_needs_directions(finger: surrogate.Surrogate) -> None:
+    with pytest.raises(InputError, match="pressure: expected beside a tolerance"):
+        finger.predict(np.zeros_like(finger.geometry.coordinates), pressure=[1.0])
+
+
 def test_what_is_for_dead_loads_says_so(finger: surrogate.Surrogate) -> None:
     with pytest.raises(InputError, match="proposed loads and refinement are for dead loads"):
         propose(finger, 1)
