@@ -24,7 +24,6 @@ import sys
 import time
 import warnings
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +33,7 @@ from experiments.benchmarks.benchmark import Benchmark, Results
 from experiments.benchmarks.directions import rounded
 from experiments.benchmarks.suspect_loads import KINDS, SuspectLoads
 from experiments.framework.counted_networks import add_counted_networks, counted_networks
+from experiments.framework.kept_rows import Row, add_rows_option, kept_rows
 from experiments.framework.quiet import quiet
 from experiments.framework.report import markdown_table
 from shared_schema.common import Parser, WorkError
@@ -41,7 +41,6 @@ from surrogate.certify import iterated
 from surrogate.descent import Aim
 
 Array = NDArray[np.float64]
-Row = dict[str, Any]
 NETWORKS = ["beam2d_any:1000", "lshape2d_any:1000", "breast3d:100"]
 SUSPECTS = Path(__file__).with_name("suspects")
 TOLERANCE = 5e-3
@@ -97,24 +96,16 @@ def equilibrium(model: surrogate.Surrogate, force: Array, u: Array, steps: int) 
 
 def of_network(name: str, count: int, seed: int, kept: Path | None) -> Results:
     """Claims of one network; rows that are kept are not made again."""
-    rows: dict[int, Row] = {}
-    if kept is not None and kept.is_file():
-        lines = map(json.loads, kept.read_text().splitlines())
-        rows = {r["number"]: r for r in lines if (r["name"], r["seed"]) == (name, seed)}
     model = surrogate.load(name)
     loads = SuspectLoads(model)
-    for number in range(count):
-        if number in rows:
-            continue
-        row = {"name": name, "seed": seed, "number": number}
-        row |= claim(model, loads, number, seed)
-        rows[number] = row
-        if kept is not None:
-            with kept.open("a") as file:
-                file.write(json.dumps(row) + "\n")
+
+    def judged(number: int) -> Row:
+        row = claim(model, loads, number, seed)
         if is_broken(row):
-            print("broken:", json.dumps(row), file=sys.stderr)
-    found = [rows[number] for number in range(count)]
+            print("broken:", name, number, json.dumps(row), file=sys.stderr)
+        return row
+
+    found = kept_rows(kept, name, seed, count, judged)
     claims = sum(row["reached"] for row in found)
     unstable = sum(not row["stable"] for row in found)
     return {
@@ -215,8 +206,7 @@ def measure(options: argparse.Namespace) -> Results:
 def arguments(parser: Parser) -> None:
     """Add the options."""
     add_counted_networks(parser, NETWORKS, "loads", seed=401)
-    said = "where finished loads are kept, so that the same command goes on"
-    parser.add_argument("--rows", type=Path, metavar="FILE.jsonl", help=said)
+    add_rows_option(parser)
 
 
 BENCHMARK = Benchmark(

@@ -7,7 +7,14 @@ is not; a certificate is wrong if its settled estimate is within the tolerance a
 
     python -m experiments benchmark directions beam3d_any:400 finger3d:20
 
-writes its record and its page.
+writes its record and its page. Bodies of other materials, such as
+
+    datagen body beam3d_any --out data/materials/beam3d_gent \\
+        --set "material={model: gent, shear_modulus: 178, limit: 20, bulk_modulus: 833}"
+    surrogate train series --data data/materials/beam3d_gent --out runs/materials/beam3d_gent
+    python -m experiments benchmark directions runs/materials/beam3d_gent:400 --rows rows.jsonl
+
+have a page of their own.
 """
 
 from __future__ import annotations
@@ -18,6 +25,7 @@ import sys
 import time
 import warnings
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -26,6 +34,7 @@ from numpy.typing import NDArray
 import surrogate
 from experiments.benchmarks.benchmark import Benchmark, Results
 from experiments.framework.counted_networks import add_counted_networks, counted_networks
+from experiments.framework.kept_rows import Row, add_rows_option, kept_rows
 from experiments.framework.quiet import quiet
 from experiments.framework.report import markdown_table
 from experiments.framework.timing import timed
@@ -45,67 +54,80 @@ def rounded(value: float) -> float:
     return float(f"{value:.3g}")
 
 
-def compare(name: str, count: int, seed: int) -> Results:
-    """Predict the loads of one network with and without tolerances, in turn."""
-    model = surrogate.load(name)
+def judged(model: surrogate.Surrogate, number: int, seed: int) -> Row:
+    """Predict one load with and without tolerances, in turn.
+
+    Values are lists over these ways; of loads without an equilibrium there are none.
+    """
     geometry = model.geometry
-    errors, lengths, seconds, found, estimates, failed = [], [], [], [], [], 0
-    for number in range(count):
-        force = drawn_loads(model, 1, np.random.default_rng([seed, number]))
-        dead, follows = separated(geometry, force)
-        if number == 0:  # compiles, and fills caches
-            model.descend(dead[0], follows, model.predict(force[0]), Aim(TOLERANCES[-1]))
-        work = partial(model.predictor.respond, force[0])
-        (plain, last), taken = timed(work, time.process_time)
-        driven, times = [plain], [taken]
-        ends = []
-        for tolerance in TOLERANCES:
-            goes_on = partial(
-                model.descend, dead[0], follows, plain, Aim(tolerance), float(last[0])
-            )
-            (displacement, descent), more = timed(goes_on, time.process_time)
-            driven.append(displacement)
-            times.append(taken + more)
-            ends.append(descent)
-        pressure = None if follows is None else follows.pressures[0]
-        try:
-            truth = model.correct(force[0], driven[-1], pressure=pressure).displacement
-        except WorkError:
-            failed += 1
-            continue
-        truth = truth - model.certify(force[0], truth, pressure=pressure).error
-        size = float(np.linalg.norm(truth, axis=1).max())
-        certificates = [model.certify(force[0], u, pressure=pressure) for u in driven]
-        estimates.append([c.max_error / size if c.settled else np.inf for c in certificates])
-        errors.append([node_errors(u, truth).max() / size for u in driven])
-        lengths.append([np.abs(u - truth).mean() for u in driven])
-        seconds.append(times)
-        found.append([(end.directions, end.reached) for end in ends])
-        print(name, number, *(f"{error:.1e}" for error in errors[-1]), file=sys.stderr)
-    relative, ratios = np.array(errors), np.array(seconds) / np.array(seconds)[:, :1]
-    estimated = np.array(estimates)
-    result: Results = {"name": name, "loads": len(errors), "without equilibrium": failed}
+    force = drawn_loads(model, 1, np.random.default_rng([seed, number]))
+    dead, follows = separated(geometry, force)
+    work = partial(model.predictor.respond, force[0])
+    (plain, last), taken = timed(work, time.process_time)
+    driven, seconds, directions, reached = [plain], [taken], [0], [False]
+    for tolerance in TOLERANCES:
+        aim = Aim(tolerance)
+        goes_on = partial(model.descend, dead[0], follows, plain, aim, float(last[0]))
+        (displacement, descent), more = timed(goes_on, time.process_time)
+        driven.append(displacement)
+        seconds.append(taken + more)
+        directions.append(descent.directions)
+        reached.append(bool(descent.reached))
+    pressure = None if follows is None else follows.pressures[0]
+    try:
+        truth = model.correct(force[0], driven[-1], pressure=pressure).displacement
+    except WorkError:
+        return {}
+    truth = truth - model.certify(force[0], truth, pressure=pressure).error
+    size = float(np.linalg.norm(truth, axis=1).max())
+    certificates = [model.certify(force[0], u, pressure=pressure) for u in driven]
+    return {
+        "error": [float(node_errors(u, truth).max() / size) for u in driven],
+        "mean_error_m": [float(np.abs(u - truth).mean()) for u in driven],
+        "estimate": [float(c.max_error / size) if c.settled else np.inf for c in certificates],
+        "seconds": seconds,
+        "directions": directions,
+        "reached": reached,
+    }
+
+
+def compare(name: str, count: int, seed: int, kept: Path | None = None) -> Results:
+    """Compare the ways on the loads of one network."""
+    model = surrogate.load(name)
+    force = drawn_loads(model, 1, np.random.default_rng([seed, 0]))
+    dead, follows = separated(model.geometry, force)
+    model.descend(dead[0], follows, model.predict(force[0]), Aim(TOLERANCES[-1]))  # compiles
+
+    def said(number: int) -> Row:
+        row = judged(model, number, seed)
+        print(name, number, *(f"{error:.1e}" for error in row.get("error", ())), file=sys.stderr)
+        return row
+
+    rows = kept_rows(kept, name, seed, count, said)
+    found = [row for row in rows if "error" in row]
+    error, estimate, seconds, directions, reached, lengths = (
+        np.array([row[key] for row in found])
+        for key in ("error", "estimate", "seconds", "directions", "reached", "mean_error_m")
+    )
+    ratios = seconds / seconds[:, :1]
+    result: Results = {"name": Path(name).name, "loads": len(found)}
+    result["without equilibrium"] = count - len(found)
     result["ways"] = [
         {
             "tolerance": ([None, *TOLERANCES])[way],
-            "within": rounded(float((relative[:, way] <= TOLERANCES[0]).mean())),
-            "worst": rounded(relative[:, way].max()),
-            "median": rounded(float(np.median(relative[:, way]))),
-            "mean_error_m": rounded(float(np.mean([one[way] for one in lengths]))),
+            "within": rounded(float((error[:, way] <= TOLERANCES[0]).mean())),
+            "worst": rounded(error[:, way].max()),
+            "median": rounded(float(np.median(error[:, way]))),
+            "mean_error_m": rounded(float(lengths[:, way].mean())),
             "median_time": rounded(float(np.median(ratios[:, way]))),
-            "mean_time": rounded(sum(s[way] for s in seconds) / sum(s[0] for s in seconds)),
-            "directions": rounded(float(np.mean([one[way - 1][0] for one in found])) * (way > 0)),
-            "none": sum(one[way - 1][0] == 0 for one in found) if way else 0,
-            "single": sum(one[way - 1][0] == 1 for one in found) if way else 0,
-            "claims": sum(bool(one[way - 1][1]) for one in found) if way else 0,
-            "wrong": sum(
-                bool(one[way - 1][1] and e[way] > TOLERANCES[way - 1])
-                for one, e in zip(found, errors, strict=True)
-            )
-            if way
-            else 0,
+            "mean_time": rounded(float(seconds[:, way].sum() / seconds[:, 0].sum())),
+            "directions": rounded(float(directions[:, way].mean())),
+            "none": int((directions[:, way] == 0).sum()) if way else 0,
+            "single": int((directions[:, way] == 1).sum()),
+            "claims": int(reached[:, way].sum()),
+            "wrong": int((reached[:, way] & (error[:, way] > TOLERANCES[way - 1])).sum()),
             **certificates_against(
-                relative[:, way], estimated[:, way], ([TOLERANCES[0], *TOLERANCES])[way]
+                error[:, way], estimate[:, way], ([TOLERANCES[0], *TOLERANCES])[way]
             ),
         }
         for way in range(1 + len(TOLERANCES))
@@ -184,13 +206,20 @@ def page(results: Results) -> str:
 def measure(options: argparse.Namespace) -> Results:
     """Results for some networks."""
     warnings.simplefilter("ignore", surrogate.OutsideTrainingWarning)
-    found = [compare(*pair, options.seed) for pair in counted_networks(options.networks)]
+    pairs = counted_networks(options.networks)
+    found = [compare(*pair, options.seed, options.rows) for pair in pairs]
     return {"threads": torch.get_num_threads(), "seed": options.seed, "networks": found}
 
 
 def arguments(parser: Parser) -> None:
     """Add the options."""
     add_counted_networks(parser, NETWORKS, "loads", seed=211)
+    add_rows_option(parser)
+
+
+def variant(options: argparse.Namespace) -> str:
+    """Name the record and page of bodies that do not come with the package."""
+    return "" if all("/" not in name for name in options.networks) else "materials"
 
 
 BENCHMARK = Benchmark(
@@ -199,4 +228,5 @@ BENCHMARK = Benchmark(
     measure=measure,
     page=page,
     arguments=arguments,
+    variant=variant,
 )
