@@ -1,4 +1,4 @@
-"""Predictions within a tolerance: their errors, their times beside those without, wrong claims.
+r"""Predictions within a tolerance: their errors, their times beside those without, wrong claims.
 
 Fresh loads like those of the training; the true displacement is the equilibrium that a correction
 reaches from the driven one, and one more Newton step. Errors are those of the worst node, relative
@@ -9,7 +9,7 @@ is not; a certificate is wrong if its settled estimate is within the tolerance a
 
 writes its record and its page. Bodies of other materials, such as
 
-    datagen body beam3d_any --out data/materials/beam3d_gent \\
+    datagen body beam3d_any --out data/materials/beam3d_gent \
         --set "material={model: gent, shear_modulus: 178, limit: 20, bulk_modulus: 833}"
     surrogate train series --data data/materials/beam3d_gent --out runs/materials/beam3d_gent
     python -m experiments benchmark directions runs/materials/beam3d_gent:400 --rows rows.jsonl
