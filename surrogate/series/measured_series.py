@@ -24,9 +24,8 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from shared_schema.materials import ZERO
 from surrogate.mechanics.energy.law import DILATION, FIBRES, FIRST, SECOND, VOLUME, Law
-from surrogate.mechanics.energy.tape import Operation
+from surrogate.mechanics.energy.tape import RULES, Operation
 from surrogate.mechanics.solids.deformation import cross
 
 Coefficient = Tensor | None  # None is zero
@@ -102,9 +101,7 @@ class SeriesOfLaw:
         """Run the tape for the next order, with θ; return ∂ψ/∂θ."""
         k, slots = len(self.h), self.slots
         slots[-1][DILATION] = dilation
-        tape = self.law.stress
-        rows = (tape.codes, tape.left, tape.right, tape.constants)
-        for code, left, right, constant in zip(*(row.tolist() for row in rows), strict=True):
+        for code, left, right, constant in self.law.stress.rows:
             slots[-1].append(self._coefficient(k, code, left, right, constant))
         return self._output(DILATION, k)
 
@@ -188,72 +185,29 @@ class SeriesOfLaw:
         return None if slot < 0 else self.slots[order - 1][slot]
 
     def _coefficient(
-        self, k: int, code: int, left: int, right: int, constant: float
+        self, k: int, code: Operation, left: int, right: int, constant: float
     ) -> Coefficient:
         """The k-th coefficient of a result: `surrogate.mechanics.energy.tape`."""
-        a = [each[left] for each in self.slots[:k]]
-        if code == Operation.SUM:
-            return sum_of(a[-1], self.slots[k - 1][right])
-        if code == Operation.SCALE:
-            return times(constant, a[-1])
-        if code == Operation.SHIFT:
-            return a[-1]
-        if code == Operation.PRODUCT:
-            b = [each[right] for each in self.slots[:k]]
-            total = sum_of(times(self.rest[right], a[-1]), times(self.rest[left], b[-1]))
-            for j in range(1, k):
-                total = sum_of(total, product(a[j - 1], b[k - j - 1]))
+        rule, new, rest = RULES[code], self.slots[k - 1], self.rest
+        place = len(new)  # of the result
+        by_left, by_right = rule.slopes(rest[left], rest[right], rest[place], constant)
+        total = sum_of(times(by_left, new[left]), times(by_right, new[right]))
+        if rule.weight is None:
             return total
-        place = len(self.slots[k - 1])  # of the result
-        y = [each[place] for each in self.slots[: k - 1]]
-        first, value = self.rest[left], self.rest[place]
-        if code == Operation.POWER:
-            total = times(constant * value / first, a[-1])
-            for j in range(1, k):
-                factor = (constant * j - k + j) / (k * first)
-                total = sum_of(total, times(factor, product(a[j - 1], y[k - j - 1])))
-            return total
-        if code == Operation.EXP:
-            total = times(value, a[-1])
-            for j in range(1, k):
-                total = sum_of(total, times(j / k, product(a[j - 1], y[k - j - 1])))
-            return total
-        if code == Operation.LN:
-            total = times(1 / first, a[-1])
-            for j in range(1, k):
-                factor = -j / (k * first)
-                total = sum_of(total, times(factor, product(y[j - 1], a[k - j - 1])))
-            return total
-        if code == Operation.POSITIVE:
-            return times(float(first > -ZERO), a[-1])
-        return None
+        other = right if code == Operation.PRODUCT else place
+        for j in range(1, k):
+            part = product(self.slots[j - 1][left], self.slots[k - j - 1][other])
+            total = sum_of(total, times(rule.weight(j, k, rest[left], constant), part))
+        return total
 
 
 def slopes_at_rest(law: Law) -> list[list[float]]:
     """Derivatives of all slots of the stress tape by the measures, at rest."""
-    tape, count = law.stress, law.count
-    rest = tape.slots(law.at_rest)
-    found = [[float(a == b) for b in range(count)] for a in range(count)]
-    rows = (tape.codes, tape.left, tape.right, tape.constants)
-    for code, left, right, constant in zip(*(row.tolist() for row in rows), strict=True):
-        a, value = rest[left], rest[len(found)]
-        of_left, of_right = 0.0, 0.0
-        if code == Operation.SUM:
-            of_left = of_right = 1.0
-        elif code == Operation.SCALE:
-            of_left = constant
-        elif code == Operation.SHIFT:
-            of_left = 1.0
-        elif code == Operation.PRODUCT:
-            of_left, of_right = rest[right], a
-        elif code == Operation.POWER:
-            of_left = constant * value / a
-        elif code == Operation.EXP:
-            of_left = value
-        elif code == Operation.LN:
-            of_left = 1 / a
-        elif code == Operation.POSITIVE:
-            of_left = float(a > -ZERO)
+    rest = [float(value) for value in law.stress.slots(law.at_rest)]
+    found = [[float(a == b) for b in range(law.count)] for a in range(law.count)]
+    for code, left, right, constant in law.stress.rows:
+        slopes = RULES[code].slopes(rest[left], rest[right], rest[len(found)], constant)
+        of_left, of_right = slopes
         found.append(
             [of_left * x + of_right * y for x, y in zip(found[left], found[right], strict=True)]
         )
@@ -316,7 +270,7 @@ def sum_of(*parts: Coefficient) -> Coefficient:
 
 def times(factor: float, a: Coefficient) -> Coefficient:
     """A multiple."""
-    return None if a is None or factor == 0 else factor * a
+    return None if a is None or factor == 0 else a if factor == 1 else factor * a
 
 
 def product(a: Coefficient, b: Coefficient) -> Coefficient:

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from itertools import combinations_with_replacement
 
 import sympy  # type: ignore[import-untyped]
@@ -67,12 +67,12 @@ class Law:
     stress: Tape
     energy: Tape
 
-    @property
+    @cached_property
     def families(self) -> int:
         """Number of the families of fibres."""
         return (self.count - FIBRES) // 2
 
-    @property
+    @cached_property
     def pairs(self) -> list[tuple[int, int]]:
         """Measures (a, b) of the second derivatives."""
         return list(combinations_with_replacement(range(self.count), 2))
@@ -81,6 +81,11 @@ class Law:
     def at_rest(self) -> list[float]:
         """Measures of the undeformed body."""
         return [3.0, 3.0, *[1.0] * (self.count - 2)]
+
+    @cached_property
+    def energy_at_rest(self) -> float:
+        """Energy of the undeformed body in J/m³."""
+        return float(self.energy(self.at_rest)[0])
 
     def second(self, outputs: Sequence[Values]) -> dict[tuple[int, int], Values]:
         """Second derivatives that are not zero, of the outputs of `energy`."""

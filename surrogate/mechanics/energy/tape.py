@@ -4,19 +4,26 @@ The energy :math:`ψ(I_1, I_2, J, …)` of a material (`shared_schema.materials`
 SymPy, once, and what its derivatives have in common is computed once. The result is data: what runs
 it, with numbers, tensors or power series, is the same for every material, a user's own among them.
 
-==========  ====================  ==========================================
-operation   value                 k-th coefficient of its power series, k ≥ 1
-==========  ====================  ==========================================
-SUM         a + b                 aₖ + bₖ
-SCALE       c a                   c aₖ
-SHIFT       a + c                 aₖ
-PRODUCT     a b                   Σᵢ aᵢ bₖ₋ᵢ
-POWER       y = a^c               Σᵢ (c i − k + i) aᵢ yₖ₋ᵢ / (k a₀), i ≥ 1
-EXP         y = exp a             Σᵢ i aᵢ yₖ₋ᵢ / k, i ≥ 1
-LN          y = ln a              (aₖ − Σᵢ i yᵢ aₖ₋ᵢ / k) / a₀, 1 ≤ i < k
-POSITIVE    max(a, 0)             aₖ if a₀ ≥ 0, else 0
-STEP        1 if a ≥ 0, else 0    0
-==========  ====================  ==========================================
+The coefficients of the power series of a result y of a and b are, for k ≥ 1,
+
+.. math::
+    y_k = \frac{∂y}{∂a} a_k + \frac{∂y}{∂b} b_k + \sum_{j=1}^{k-1} w_{jk} \, a_j z_{k-j}
+
+with the derivatives at the coefficients of order 0, and z = y, or z = b in a product:
+
+==========  ====================  ==================  =====================
+operation   value                 derivatives         weight :math:`w_{jk}`
+==========  ====================  ==================  =====================
+SUM         a + b                 1, 1                0
+SCALE       c a                   c                   0
+SHIFT       a + c                 1                   0
+PRODUCT     a b                   b₀, a₀              1
+POWER       y = a^c               c y₀ / a₀           (c j − k + j) / (k a₀)
+EXP         y = exp a             y₀                  j / k
+LN          y = ln a              1 / a₀              (j − k) / (k a₀)
+POSITIVE    max(a, 0)             1 if a₀ ≥ 0, or 0   0
+STEP        1 if a ≥ 0, or 0      0                   0
+==========  ====================  ==================  =====================
 
 A number above −`shared_schema.materials.ZERO` counts as no less than 0, as in the energy itself.
 """
@@ -24,11 +31,12 @@ A number above −`shared_schema.materials.ZERO` counts as no less than 0, as in
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from functools import cached_property
 from types import ModuleType
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import sympy  # type: ignore[import-untyped]
@@ -53,6 +61,56 @@ class Operation(IntEnum):
     LN = 6
     POSITIVE = 7
     STEP = 8
+
+
+class Rule(NamedTuple):
+    """What an operation of a and b finds, with a constant c.
+
+    Attributes
+    ----------
+    value : callable
+        y of a, b, c and the library of their functions.
+    slopes : callable
+        Derivatives of y by a and b, of numbers a, b, y and c.
+    weight : callable, or None if there are no products
+        Weight of the product of order (j, k - j), of j, k, and numbers a and c.
+    """
+
+    value: Callable[[Values, Values, float, Any], Values]
+    slopes: Callable[[float, float, float, float], tuple[float, float]]
+    weight: Callable[[int, int, float, float], float] | None = None
+
+
+def _is_positive(a: Values) -> Values:
+    return a > -ZERO
+
+
+RULES = {
+    Operation.SUM: Rule(lambda a, b, c, of: a + b, lambda a, b, y, c: (1.0, 1.0)),
+    Operation.SCALE: Rule(lambda a, b, c, of: c * a, lambda a, b, y, c: (c, 0.0)),
+    Operation.SHIFT: Rule(lambda a, b, c, of: a + c, lambda a, b, y, c: (1.0, 0.0)),
+    Operation.PRODUCT: Rule(
+        lambda a, b, c, of: a * b, lambda a, b, y, c: (b, a), lambda j, k, a, c: 1.0
+    ),
+    Operation.POWER: Rule(
+        lambda a, b, c, of: 1 / a if c == -1 else a**c,
+        lambda a, b, y, c: (c * y / a, 0.0),
+        lambda j, k, a, c: (c * j - k + j) / (k * a),
+    ),
+    Operation.EXP: Rule(
+        lambda a, b, c, of: of.exp(a), lambda a, b, y, c: (y, 0.0), lambda j, k, a, c: j / k
+    ),
+    Operation.LN: Rule(
+        lambda a, b, c, of: of.log(a),
+        lambda a, b, y, c: (1 / a, 0.0),
+        lambda j, k, a, c: (j - k) / (k * a),
+    ),
+    Operation.POSITIVE: Rule(
+        lambda a, b, c, of: a * _is_positive(a),
+        lambda a, b, y, c: (float(_is_positive(a)), 0.0),
+    ),
+    Operation.STEP: Rule(lambda a, b, c, of: 1.0 * _is_positive(a), lambda a, b, y, c: (0.0, 0.0)),
+}
 
 
 class step(sympy.Function):  # type: ignore[misc]  # noqa: N801 - as it is printed
@@ -109,34 +167,26 @@ class Tape:
             NumPy, or PyTorch for tensors.
         """
         slots = self.slots(inputs, library)
-        places = zip(self.outputs.tolist(), self.fixed.tolist(), strict=True)
-        return [number if slot < 0 else slots[slot] for slot, number in places]
+        return [number if slot < 0 else slots[slot] for slot, number in self.places]
 
     def slots(self, inputs: Sequence[Values], library: ModuleType = np) -> list[Values]:
         """Values of the inputs and of all operations."""
         found = list(inputs)
-        rows = (self.codes, self.left, self.right, self.constants)
-        for code, left, right, constant in zip(*(row.tolist() for row in rows), strict=True):
-            a = found[left]
-            if code == Operation.SUM:
-                found.append(a + found[right])
-            elif code == Operation.SCALE:
-                found.append(constant * a)
-            elif code == Operation.SHIFT:
-                found.append(a + constant)
-            elif code == Operation.PRODUCT:
-                found.append(a * found[right])
-            elif code == Operation.POWER:
-                found.append(1 / a if constant == -1 else a**constant)
-            elif code == Operation.EXP:
-                found.append(library.exp(a))
-            elif code == Operation.LN:
-                found.append(library.log(a))
-            elif code == Operation.POSITIVE:
-                found.append(a * (a > -ZERO))
-            else:
-                found.append(1.0 * (a > -ZERO))
+        for code, left, right, constant in self.rows:
+            found.append(RULES[code].value(found[left], found[right], constant, library))
         return found
+
+    @cached_property
+    def rows(self) -> list[tuple[Operation, int, int, float]]:
+        """Operation, slots and constant of every result, in turn."""
+        rows = (self.codes, self.left, self.right, self.constants)
+        found = zip(*(row.tolist() for row in rows), strict=True)
+        return [(Operation(code), left, right, constant) for code, left, right, constant in found]
+
+    @cached_property
+    def places(self) -> list[tuple[int, float]]:
+        """Slot and fixed number of every output."""
+        return list(zip(self.outputs.tolist(), self.fixed.tolist(), strict=True))
 
     def shifted(self, output: int, constant: float) -> Tape:
         """The tape with a number added to an output."""
