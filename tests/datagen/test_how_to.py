@@ -28,9 +28,9 @@ def block(page: str, title: str) -> str:
 
 def test_load_family_of_a_user(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same push of at most 0.5 N per component acts on every node of the free end."""
-    (tmp_path / "push.py").write_text(block("load-family.md", "push.py"))
+    (tmp_path / "push.py").write_text(block("loads.md", "push.py"))
     case = yaml.safe_load((SHIPPED / "beam2d.yaml").read_text())
-    case |= yaml.safe_load(block("load-family.md", "push.yaml"))
+    case |= yaml.safe_load(block("loads.md", "push.yaml"))
     (tmp_path / "push.yaml").write_text(yaml.safe_dump(case))
     monkeypatch.chdir(tmp_path)
     assert main(["run", "push.yaml", "--samples", "5", "--out", "nodal"]) == 0
