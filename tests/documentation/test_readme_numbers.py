@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from functools import reduce
+from typing import Any
 
 import pytest
 import yaml
@@ -21,9 +21,9 @@ ROWS = [row.groupdict() for row in ROW.finditer(README)]
 PAPER = yaml.safe_load((ROOT / "experiments" / "paper" / "paper.yaml").read_text())["networks"]
 
 
-def record_of(row: dict[str, str]) -> dict[str, object]:
-    """The JSON that a row links to."""
-    content: dict[str, object] = json.loads((ROOT / row["record"]).read_text())
+def record_of(row: dict[str, str]) -> dict[str, Any]:
+    """Return the JSON that a row links to."""
+    content: dict[str, Any] = json.loads((ROOT / row["record"]).read_text())
     return content
 
 
@@ -35,16 +35,18 @@ def test_every_row_of_the_table_has_a_record() -> None:
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: f"{row['case']}-{row['error']}")
 def test_error_is_that_of_the_record(row: dict[str, str]) -> None:
     """Errors of records are in m, those of the table in 10⁻³ m, rounded to its digits."""
-    value = reduce(lambda found, key: found[key], row["keys"].split("/"), record_of(row))  # type: ignore[index, call-overload]
+    value: Any = record_of(row)
+    for key in row["keys"].split("/"):
+        value = value[key]
     digits = len(row["error"].partition(".")[2])
-    assert f"{1e3 * float(str(value)):.{digits}f}" == row["error"]
+    assert f"{1e3 * value:.{digits}f}" == row["error"]
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: f"{row['case']}-{row['error']}")
 def test_minutes_of_training_are_those_of_the_record(row: dict[str, str]) -> None:
     seconds = record_of(row).get("training_seconds")
     if seconds is not None:
-        assert f"{float(str(seconds)) / 60:.0f}" == row["minutes"]
+        assert f"{seconds / 60:.0f}" == row["minutes"]
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: f"{row['case']}-{row['error']}")
