@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +11,14 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field
 
 from experiments.framework.experiment import Experiment
-from experiments.framework.record import Comparison, Record, Verdict, format_cell, tally
+from experiments.framework.record import (
+    Comparison,
+    Record,
+    RunRecord,
+    Verdict,
+    format_cell,
+    tally,
+)
 from experiments.framework.runner import current_record
 from shared_schema.common import Frozen, read_yaml, validate, write_text
 
@@ -66,10 +74,13 @@ class Discussion(Frozen):
         First paragraphs of the report.
     studies : dict of str to str
         Paragraphs by the name of the study.
+    tables : dict of str to list of int
+        Which tables of a study stand on the page, counted from 0; by default all.
     """
 
     introduction: str = ""
     studies: dict[str, str] = Field(default_factory=dict)
+    tables: dict[str, list[int]] = Field(default_factory=dict)
 
 
 def write_report(
@@ -82,7 +93,7 @@ def write_report(
     report : Report
     scale : Scale
     records : mapping of str to Record or None
-        Records by the name of the study; None if the study was not run.
+        Records by the name of the study; None if the study was not run, or found nothing.
     out : Path
         Folder of the records, the figures and the optional ``discussion.yaml``.
 
@@ -101,7 +112,7 @@ def write_report(
         discussion.introduction,
         contents(report, scale, records),
         *(
-            section(report, scale, study, record, discussion.studies.get(study.name, ""))
+            section(scale, study, record, discussion)
             for study in report.studies
             if (record := records.get(study.name)) is not None
         ),
@@ -114,26 +125,27 @@ def write_current(report: Report, resources: Resources, out: Path) -> None:
     """Write the page on all studies of a report with a current record."""
     studies = report.studies_at(resources.scale)
     records = {study.name: current_record(study, resources, out) for study in studies}
+    for name, record in records.items():
+        if record and not (record.findings.tables or record.findings.captions):
+            records[name] = None  # the scale has no dataset for it
     write_report(report, resources.scale, records, out)
 
 
 def contents(report: Report, scale: Scale, records: Mapping[str, Record | None]) -> str:
-    """Table of the studies; of the paper's, with the counts of their verdicts."""
+    """Table of the paper's studies with counts of verdicts; of others, those not done."""
+    studies = [study for study in report.studies if study.name in records]
+    if report.title_of is None:
+        missing = [study.title for study in studies if records[study.name] is None]
+        return f"{NOT_DONE.capitalize()}: {', '.join(missing)}." if missing else ""
     rows = []
-    for study in report.studies:
-        if study.name not in records:
-            continue
+    for study in studies:
         record = records[study.name]
         title = f"[{study.title}](#{anchor(study.title)})" if record else study.title
-        if report.title_of is None:
-            rows.append([title, "done" if record else NOT_DONE])
-            continue
         counted = tally(record.findings).items() if record else ()
         counts = " · ".join(f"{n} {verdict}" for verdict, n in counted if n) or "–"
         counts = counts if scale.verdicts else NO_VERDICT
         rows.append([title, report.places(study), counts if record else NOT_DONE])
-    head = ["study", ""] if report.title_of is None else ["study", "in the paper", "verdicts"]
-    return markdown_table(head, rows)
+    return markdown_table(["study", "in the paper", "verdicts"], rows)
 
 
 def anchor(title: str) -> str:
@@ -142,14 +154,12 @@ def anchor(title: str) -> str:
     return kept.replace(" ", "-")
 
 
-def section(
-    report: Report, scale: Scale, study: Experiment[Any], record: Record, discussion: str
-) -> str:
+def section(scale: Scale, study: Experiment[Any], record: Record, discussion: Discussion) -> str:
     """Section on a study: question, tables, numbers, claims, discussion and figures."""
     found = record.findings
-    place = f" In the paper: {report.places(study)}." if study.labels else ""
-    blocks = [f"## {study.title}", f"{study.question}{place}"]
-    for table in found.tables:
+    blocks = [f"## {study.title}", study.question]
+    shown = discussion.tables.get(study.name, range(len(found.tables)))
+    for table in (found.tables[number] for number in shown):
         blocks += [
             table.caption,
             markdown_table(table.head, (map(format_cell, row) for row in table.rows)),
@@ -157,11 +167,11 @@ def section(
     if found.comparisons:
         head = ("", "here", "paper", "verdict")
         blocks.append(markdown_table(head, (comparison_row(c, scale) for c in found.comparisons)))
-    blocks += [f"- {bold(c.verdict, scale)}: {c.what} {c.evidence}" for c in found.claims]
-    if not (found.tables or found.comparisons or found.claims or found.captions):
-        blocks.append("This scale has no dataset for it.")
-    blocks.append(discussion)
-    blocks += [f"![{caption}]({file})\n\n*{caption}*" for file, caption in found.captions.items()]
+    blocks.append(
+        "\n".join(f"- {bold(c.verdict, scale)}: {c.what} {c.evidence}" for c in found.claims)
+    )
+    blocks.append(discussion.studies.get(study.name, ""))
+    blocks += [f"![{study.title}]({file})\n\n*{text}*" for file, text in found.captions.items()]
     return "\n\n".join(block.strip() for block in blocks if block.strip())
 
 
@@ -180,50 +190,42 @@ def bold(verdict: Verdict, scale: Scale) -> str:
 def appendix(records: Sequence[Record]) -> str:
     """Appendix on the networks, datasets and machines that were used."""
     runs = {name: run for record in records for name, run in record.runs.items()}
-    datasets = {name: data for record in records for name, data in record.datasets.items()}
+    alike: dict[tuple[str, str, str], dict[str, RunRecord]] = {}
+    for name, run in runs.items():
+        loss = run.training.split(",")[0]
+        alike.setdefault((run.network, loss, f"{run.parameters / 1e6:.3g} M"), {})[name] = run
     trained = markdown_table(
-        (
-            "run",
-            "configuration",
-            "data",
-            "network",
-            "training",
-            "seed",
-            "parameters",
-            "min",
-            "on",
-            "digest",
-        ),
-        (
-            (
-                f"`{name}`",
-                f"`{run.config}`{', changed' if run.change else ''}",
-                f"`{run.data}`",
-                run.network,
-                run.training,
-                str(run.seed),
-                f"{run.parameters / 1e6:.3g} M",
-                f"{run.minutes:.3g}",
-                run.hardware,
-                f"`{run.fingerprint[:8]}`",
-            )
-            for name, run in runs.items()
-        ),
+        ("network", "loss", "parameters", "min", "runs"),
+        ((*kind, minutes(of.values()), code(series(of))) for kind, of in alike.items()),
     )
-    made = markdown_table(
-        ("dataset", "case", "samples", "digest"),
-        (
-            (f"`{name}`", f"`{data.case}`", str(data.samples), f"`{data.digest[:8]}`")
-            for name, data in datasets.items()
-        ),
-    )
-    machines = sorted({record.machine["hardware"] for record in records})
+    datasets = {name: data for record in records for name, data in record.datasets.items()}
+    made = ", ".join(f"`{name}` ({data.samples})" for name, data in datasets.items())
+    trainers = "; ".join(sorted({run.hardware for run in runs.values()}))
+    machines = "; ".join(sorted({record.machine["hardware"] for record in records}))
+    seeds = ", ".join(map(str, sorted({run.seed for run in runs.values()})))
     return (
-        f"## What was run\n\n{trained}\n{made}\nStudies on {'; '.join(machines)}. Every record "
-        "(`*.json` beside this page) holds the whole digests, the changes to the configurations, "
-        "the minutes of the study and the versions of the software. Minutes of a training: its "
-        "epochs times the median time of one, so that pauses do not count."
+        f"## What was run\n\n{trained}\nDatasets and their samples: {made}. Trainings, of seed "
+        f"{seeds}, ran on {trainers}; studies on {machines}. Minutes of a training are its epochs "
+        "times the median time of one. Every record (`*.json` beside this page) has all tables, "
+        "configurations, epochs, digests and versions."
     )
+
+
+def minutes(runs: Iterable[RunRecord]) -> str:
+    """Minutes of a training, or the least and the most of several."""
+    ordered = sorted(run.minutes for run in runs)
+    least, most = f"{ordered[0]:.3g}", f"{ordered[-1]:.3g}"
+    return least if least == most else f"{least} to {most}"
+
+
+def series(names: Iterable[str]) -> dict[str, None]:
+    """Names of runs, those of one series over the number of samples as one."""
+    return dict.fromkeys(re.sub(r"-n\d+$", "-n*", name) for name in names)
+
+
+def code(names: Iterable[str]) -> str:
+    """Names as code, separated by commas."""
+    return ", ".join(f"`{name}`" for name in names)
 
 
 def markdown_table(head: Sequence[str], rows: Iterable[Iterable[str]]) -> str:

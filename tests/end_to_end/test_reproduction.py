@@ -50,7 +50,7 @@ def test_smoke(
     assert len(records) >= least
     assert page.startswith(f"# {title}, at scale `smoke`")
     assert "not done" not in page
-    assert ("verdict" in page) == ("In the paper" in page) == (target == "reproduce")
+    assert ("verdict" in page) == ("in the paper" in page) == (target == "reproduce")
     for record in records:
         content = json.loads(record.read_text())
         check_origin(content)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 import pytest
@@ -105,17 +104,6 @@ def test_studies_of_two_reports_are_refused() -> None:
         find_studies(["places", "datasets"])
 
 
-@pytest.mark.parametrize("scale", ["plane", "space"])
-def test_the_committed_report_is_that_of_the_committed_records(scale: str, tmp_path: Path) -> None:
-    """Without data at hand, all records count as current; statements have no verdicts."""
-    committed, out, none = ROOT / "docs" / "beyond" / scale, tmp_path / scale, tmp_path / "none"
-    shutil.copytree(committed, out)
-    (out / PAGE).unlink()
-    resources = Resources(read_scale(scale, BEYOND.scales), none, none, torch.device("cpu"))
-    write_current(BEYOND, resources, out)
-    assert (out / PAGE).read_text() == (committed / PAGE).read_text()
-
-
 def test_a_missing_dataset_is_named(resources: Resources, tmp_path: Path) -> None:
     empty = Resources(resources.scale, tmp_path / "none", resources.runs, torch.device("cpu"))
     with pytest.raises(InputError, match="none/beam2d_many-60/nodal"):
@@ -124,14 +112,13 @@ def test_a_missing_dataset_is_named(resources: Resources, tmp_path: Path) -> Non
 
 
 def test_a_scale_without_the_datasets_of_a_study(resources: Resources, tmp_path: Path) -> None:
-    """Its section says so, without an empty table or figure."""
+    """It counts as not done, without a section or a figure."""
     kept = {k: v for k, v in resources.scale.datasets.items() if not k.endswith("_sweep")}
     scale = resources.scale.model_copy(update={"datasets": kept})
     without = Resources(scale, resources.data, resources.runs, torch.device("cpu"))
     run([force_sizes.STUDY], without, tmp_path)
     write_current(BEYOND, without, tmp_path)
     page = (tmp_path / PAGE).read_text()
-    section = page.partition(f"## {force_sizes.STUDY.title}")[2].partition("\n## ")[0]
-    assert "This scale has no dataset for it." in section
-    assert "|" not in section
+    assert f"## {force_sizes.STUDY.title}" not in page
+    assert force_sizes.STUDY.title in page.partition("Not done: ")[2].splitlines()[0]
     assert not list(tmp_path.glob("force-sizes*.png"))
