@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
 PROGRAMS = {  # in whose environment a benchmark is measured
     "alarms": "surrogate",
-    "batches": "surrogate",
     "bounded-loads": "surrogate",
     "certificates": "surrogate",
     "claims": "surrogate",
@@ -35,8 +34,6 @@ PROGRAMS = {  # in whose environment a benchmark is measured
     "load-series": "surrogate",
     "manufactured": "datagen",
     "mechanical-mnist": "datagen",
-    "normalisation": "surrogate",
-    "one-load": "surrogate",
     "page": "surrogate",
     "prediction": "surrogate",
     "refined-liver": "surrogate",

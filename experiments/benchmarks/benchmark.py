@@ -1,9 +1,10 @@
-"""Benchmarks: experiments with options of their own, published as JSON and a page made from it."""
+"""Benchmarks: experiments with options, published as JSON records and a page made from these."""
 
 from __future__ import annotations
 
 import argparse
 import logging
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -72,15 +73,19 @@ class Benchmark:
     ----------
     name : str
     title : str
-        Heading of its page, with keys of the results in braces.
+        Heading of its page.
     measure : callable
         Measures, and returns the results, from the parsed options.
     page : callable
-        Makes the page between its heading and its last lines from the results.
+        Makes what the page says of one record from its results.
     arguments : callable
         Adds the options to a parser.
     variant : callable
-        End of the name in the names of both files, from the options; empty if there is one only.
+        End of the name of the record, from the options; empty if there is one only.
+    about : str
+        What holds for all records, at the head of the page; keys of the results in braces.
+    part : str
+        Heading of each of several records, with keys of results and software in braces.
     """
 
     name: str
@@ -89,6 +94,8 @@ class Benchmark:
     page: Callable[[Results], str]
     arguments: Callable[[Parser], object] = lambda _: None
     variant: Callable[[argparse.Namespace], str] = lambda _: ""
+    about: str = ""
+    part: str = ""
 
     def run(self, words: Sequence[str], command: str) -> Path:
         """Measure with some options; write the record and the page, and return the page's path."""
@@ -98,7 +105,7 @@ class Benchmark:
         name = "-".join(filter(None, (self.name, self.variant(options))))
         with quiet(logging.INFO):
             measured(self.experiment(name), Options(options), RESULTS, " ".join([command, *words]))
-        return self.publish(name)
+        return self.publish()
 
     def experiment(self, name: str) -> Experiment[Options]:
         """Return the benchmark as an experiment, whose record is the file of some name."""
@@ -108,22 +115,29 @@ class Benchmark:
 
         return Experiment(f"{PREFIX}{name}", self.title, "", measure)
 
-    def publish(self, name: str) -> Path:
-        """Write the page of the record of some name."""
-        path = page_path(name)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_text(path, self.page_of(stored_record(name)))
-        return path
+    def publish(self) -> Path:
+        """Write the page."""
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        write_text(self.path, self.whole_page())
+        return self.path
 
-    def page_of(self, record: Record) -> str:
-        """Make the whole page of a record."""
-        numbers = record.findings.numbers
-        return f"# {self.title.format_map(numbers)}\n\n{self.page(numbers)}\n{footer(record)}"
+    @property
+    def path(self) -> Path:
+        """File of the page."""
+        return DOCS / "benchmarks" / f"{self.name}.md"
 
-
-def page_path(name: str) -> Path:
-    """Page of a benchmark."""
-    return DOCS / "benchmarks" / f"{name}.md"
+    def whole_page(self) -> str:
+        """Make the page of all records."""
+        files = [record_path(RESULTS, f"{PREFIX}{self.name}")]
+        files += sorted(RESULTS.glob(f"{PREFIX}{self.name}-*.json"))
+        records = [record for file in files if (record := read_record(file))]
+        blocks = [f"# {self.title}", self.about.format_map(records[0].findings.numbers)]
+        for record in records:
+            numbers = record.findings.numbers
+            if len(records) > 1 and self.part:
+                blocks.append(f"## {self.part.format_map({**record.software, **numbers})}")
+            blocks += [self.page(numbers), made_by(record)]
+        return "\n\n".join(block.strip() for block in blocks if block) + "\n"
 
 
 def case_of(dataset: Path) -> str:
@@ -146,17 +160,12 @@ def stored_record(name: str) -> Record:
     return record
 
 
-def footer(record: Record) -> str:
-    """Last lines of a page: machine, software and command."""
-    machine, versions = record.machine, record.software
-    before, after = machine["load_averages"]
-    software = (
-        f"dolfinx {versions['dolfinx']}, PETSc {versions['petsc']}, {versions['mpi']}"
-        if "dolfinx" in versions
-        else f"PyTorch {versions['torch']}"
-    )
+def made_by(record: Record) -> str:
+    """Processor, software and command of a record."""
+    of = ("dolfinx", "dolfinx") if "dolfinx" in record.software else ("PyTorch", "torch")
+    command = record.command.removeprefix("OMP_NUM_THREADS=1 ")
+    command = re.sub(r"\.venv-\w+/bin/python", "python", command)
     return (
-        f"{machine['processor']}, {machine['cores']} cores, load average {before:.1f} before and "
-        f"{after:.1f} after;\n{software}. Made by\n\n<!-- not run: takes minutes -->\n"
-        f"```sh\n{record.command}\n```\n"
+        f"{record.machine['processor']}, {record.machine['cores']} cores, "
+        f"{of[0]} {record.software[of[1]]}: `{command}`"
     )

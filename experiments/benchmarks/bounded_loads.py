@@ -128,10 +128,9 @@ def rows(results: Results) -> list[list[str]]:
         for kind, one in kinds.items():
             exceeded, part = one["exceeded"], one["largest_part"]
             parts = f"{part['mean']:.2f}, {part['largest']:.2f}" if one["bounded"] else "–"
-            reasons = ", ".join(f"{name} {n}" for name, n in one["refused"].items())
             counts = [f"{one['bounded']} of {one['loads']}"]
             counts.append(f"{exceeded['mean']}, {exceeded['largest']}")
-            lines.append([f"`{run}`", kind, *counts, parts, reasons or "–"])
+            lines.append([f"`{run}`", kind, *counts, parts, ""])
         bounded, loads, mean, largest = (
             sum(values)
             for values in zip(
@@ -139,23 +138,17 @@ def rows(results: Results) -> list[list[str]]:
                 strict=True,
             )
         )
-        lines.append([f"`{run}`", "all", f"{bounded} of {loads}", f"{mean}, {largest}", "", ""])
+        refused = sum((Counter(one["refused"]) for one in kinds.values()), Counter())
+        reasons = ", ".join(f"{name} {count}" for name, count in refused.most_common())
+        counts = [f"{bounded} of {loads}", f"{mean}, {largest}"]
+        lines.append([f"`{run}`", "all", *counts, "", reasons])
     return lines
 
 
 def page(results: Results) -> str:
     """Make the page."""
     head = ["network", "loads", "bounded", "exceeded", "largest error over bound", "refused"]
-    return "\n".join(
-        [
-            f"Fast bounds of probability {results['level']:g}, of the mean error and of the "
-            "largest error of a node (in this order),\nagainst errors to the corrected "
-            "displacement. [What is refused](../background/certificate.md#bounds-in-real-time) "
-            "has no bound.",
-            "",
-            markdown_table(head, rows(results)),
-        ]
-    )
+    return markdown_table(head, rows(results))
 
 
 def arguments(parser: Parser) -> None:
@@ -179,4 +172,9 @@ BENCHMARK = Benchmark(
     page=page,
     arguments=arguments,
     variant=variant,
+    about=(
+        "Fast bounds of probability {level:g}, of the mean error and of the largest error of a "
+        "node (in this order), against errors to the corrected displacement. [What is refused]"
+        "(../background/certificate.md#bounds-in-real-time) has no bound."
+    ),
 )

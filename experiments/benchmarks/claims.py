@@ -152,7 +152,6 @@ def page(results: Results) -> str:
             "claims",
             "not stable",
             "undecided",
-            "broken",
             "worst error of a claim",
             "mean [ms]",
         ),
@@ -161,36 +160,32 @@ def page(results: Results) -> str:
                 f"`{of['name']}`",
                 of["elements"],
                 of["material"].replace("_", " "),
-                *(str(of[key]) for key in ("loads", "claims", "unstable", "undecided", "broken")),
+                *(str(of[key]) for key in ("loads", "claims", "unstable", "undecided")),
                 f"{of['worst']:.2%}",
                 f"{of['mean_ms']:.3g}",
             )
             for of in results["networks"]
         ),
     )
-    kinds = markdown_table(
-        ("load", "loads", "claims", "broken"),
-        (
-            (kind, str(loads), str(claims), str(broken))
-            for kind in KINDS
-            for claims, loads, broken in [
-                np.sum([of["kinds"][kind] for of in results["networks"]], axis=0)
-            ]
-        ),
-    )
+    kinds = ", ".join(f"{kind} {kinds_claims(results, kind)}" for kind in KINDS)
     return (
         f"{results['loads']} loads that mislead estimates of an error, on "
-        f"{len(results['networks'])} bodies, seed {results['seed']}\n"
+        f"{len(results['networks'])} bodies, seed {results['seed']} "
         "([`suspect_loads.py`](../../experiments/benchmarks/suspect_loads.py)). A *claim* is a "
-        f"prediction that is said to be within {TOLERANCE:.1%} of the\nlargest displacement at "
+        f"prediction that is said to be within {TOLERANCE:.1%} of the largest displacement at "
         "every node. It is *broken* if it is farther than that from the stable equilibrium beside "
-        "it, by a\nfull certificate or Newton's method, and from those that 4 and 20 load steps "
-        "reach. A load is *not stable* if\nthe state that directions lead to is found to be so, "
-        "and *undecided* otherwise: both are exit code 3.\n"
-        f"**Of {results['claims']} claims {results['broken']} are broken.** Every second round of "
-        "loads may take the early exit of load series, as `predict` does.\n\n"
-        f"{rows}\n{kinds}"
+        "it, by a full certificate or Newton's method, and from those that 4 and 20 load steps "
+        "reach. A load is *not stable* if the state that directions lead to is found to be so, and "
+        "*undecided* otherwise: both are exit code 3.\n\n"
+        f"**Of {results['claims']} claims {results['broken']} are broken.** Claims of loads by "
+        f"kind: {kinds}.\n\n{rows}"
     )
+
+
+def kinds_claims(results: Results, kind: str) -> str:
+    """Claims of the loads of a kind, over all bodies."""
+    claims, loads, _ = np.sum([of["kinds"][kind] for of in results["networks"]], axis=0)
+    return f"{claims} of {loads}"
 
 
 @quiet(logging.WARNING)

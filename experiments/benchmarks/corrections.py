@@ -138,20 +138,13 @@ def page(results: Results) -> str:
         "`surrogate predict --correct`": "correct",
     }
     rows = [[what, f"{iterations[key]:.2f}", f"{times[key]:.3g}"] for what, key in ways.items()]
-    return "\n".join(
-        [
-            f"{results['load_cases']} random loads of the training, {results['lost']} lost. The "
-            f"largest error of a component is {results['largest_error_of_a_prediction']:.2g} m "
-            f"before, {results['largest_difference_of_correct']:.2g} m after the correction by "
-            f"`surrogate`, and {results['largest_difference_of_start']:.2g} m after that by "
-            f"`datagen`. The prediction was the start in {results['starts_used']:.1%}; from "
-            f"rest `datagen` takes {results['ratio_of_median_times']:.2f} times as long as from it "
-            "(ratio of the medians).",
-            "",
-            markdown_table(
-                ["way", "Newton iterations, mean", "processor time in ms, median"], rows
-            ),
-        ]
+    return (
+        f"{results['load_cases']} loads, {results['lost']} lost. The largest error of a component "
+        f"is {results['largest_error_of_a_prediction']:.2g} m before, "
+        f"{results['largest_difference_of_correct']:.2g} m after the correction by `surrogate`, "
+        f"and {results['largest_difference_of_start']:.2g} m after that by `datagen`. From rest "
+        f"`datagen` takes {results['ratio_of_median_times']:.2f} times as long as from the "
+        f"prediction.\n\n{markdown_table(['way', 'Newton iterations', 'ms'], rows)}"
     )
 
 
@@ -166,9 +159,14 @@ def arguments(parser: Parser) -> None:
 
 BENCHMARK = Benchmark(
     name="corrections",
-    title="Corrected predictions of `{case}`",
+    title="Corrected predictions",
     measure=measure,
     page=page,
     arguments=arguments,
     variant=lambda options: options.case,
+    about=(
+        "Random loads like those of the training, all solved. Times are processor times of one "
+        "thread, medians; Newton iterations are means."
+    ),
+    part="`{case}`",
 )

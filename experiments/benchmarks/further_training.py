@@ -198,21 +198,14 @@ def page(results: Results) -> str:
             *(f"{1e3 * point[f'{name}_error']:.3g}" for name in ("mean", "median", "high")),
             f"{point['seconds']:.0f}",
         ]
-        for method, points in results["curves"].items()
-        for point in points
+        for number, (method, points) in enumerate(results["curves"].items())
+        for point in points[number > 0 :]  # all begin with the same one
     ]
-    return "\n".join(
-        [
-            f"Models of `{results['config']}`, number of seeds {results['seeds']}; a network sees "
-            f"{results['sample_epochs']} samples in its training. Training without solutions "
-            "starts from the first network, and takes as long as that on as many random samples "
-            "and their solution. A solution by `datagen` takes "
-            f"{1e3 * results['seconds_per_solution']:.2g} ms.",
-            "",
-            markdown_table(
-                ["samples", "number", "ē, 10⁻³ m", "median", "95 %", "processor time in s"], rows
-            ),
-        ]
+    head = ["samples", "number", "ē, 10⁻³ m", "median", "95 %", "processor time in s"]
+    return (
+        f"Seeds: {results['seeds']}. Samples that a network sees in its training: "
+        f"{results['sample_epochs']}. A solution by `datagen` takes "
+        f"{1e3 * results['seconds_per_solution']:.2g} ms.\n\n{markdown_table(head, rows)}"
     )
 
 
@@ -236,9 +229,16 @@ def arguments(parser: Parser) -> None:
 
 BENCHMARK = Benchmark(
     name="further-training",
-    title="Further training on `{case}`",
+    title="Further training",
     measure=measure,
     page=page,
     arguments=arguments,
     variant=variant,
+    about=(
+        "What a network gains by more samples, random or chosen (`surrogate propose`), and by "
+        "training without solutions (`surrogate refine`). The latter starts from the first "
+        "network, and takes as long as the training on as many random samples and their solution. "
+        "Errors are of the test split."
+    ),
+    part="`{case}`, `{config}`",
 )

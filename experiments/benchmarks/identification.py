@@ -174,7 +174,6 @@ def page(results: Results) -> str:
     rows = markdown_table(
         (
             "network",
-            "truth",
             "sought",
             "trials",
             "failed",
@@ -182,7 +181,6 @@ def page(results: Results) -> str:
             "force, median",
             "E, median (95 %)",
             "place, median",
-            "place within 2 s",
             "parameters inside",
             "field inside",
             "ms",
@@ -190,7 +188,6 @@ def page(results: Results) -> str:
         (
             (
                 f"`{of['name']}`",
-                f"`{of['truth']}`" if of["truth"] else "same mesh",
                 TASKS[of["task"]],
                 str(of["trials"]),
                 str(of["failed"]),
@@ -199,7 +196,6 @@ def page(results: Results) -> str:
                 cell(of["modulus_median"], ".1%")
                 + (f" ({of['modulus_95']:.1%})" if of["modulus_95"] is not None else ""),
                 cell(of["place_median"], ".1%"),
-                cell(of["place_near"], ".0%"),
                 f"{of['inside']:.1%}",
                 cell(of["field_inside"], ".1%"),
                 f"{of['ms']:.3g}",
@@ -209,16 +205,13 @@ def page(results: Results) -> str:
     )
     return (
         f"{MARKERS} markers on the surface, with noise of {NOISE:.1%} of the body's length; two "
-        "are swapped, one is not seen. A random force, like those of\nthe training, moves the body "
+        "are swapped, one is not seen. A random force, like those of the training, moves the body "
         f"by {LEAST:.0%} of its length at least (seed {results['seed']}, {results['threads']} "
-        "thread). Sought is this force at a known place; at an unknown node of\nthe surface; "
-        "Young's modulus, of "
-        f"{STIFFNESS[0]:g} to {STIFFNESS[1]:g} times that of the run, under the known force; or "
-        "both at a known place, beside a known weight. Errors of the field\n(worst node, or worst "
-        "marker with another mesh) and of the place are relative to the length, those of forces "
-        f"and modulus\nto themselves. *Inside* are intervals of {LEVEL:.0%}, of parameters and of "
-        "single components of the field; *place within 2 s*: within twice\nits uncertainty. The "
-        "surface is prepared (`Surrogate.prepare`) before times are measured."
+        "thread). Sought is this force at a known place; at an unknown node of the surface; "
+        f"Young's modulus, {STIFFNESS[0]:g} to {STIFFNESS[1]:g} times that of the run, under the "
+        "known force; or both at a known place, beside a known weight. Errors of field (worst "
+        "node) and place are relative to the length, those of forces and modulus to themselves. "
+        f"*Inside* are intervals of {LEVEL:.0%}, of parameters and of components of the field."
         f"\n\n{rows}"
     )
 

@@ -80,27 +80,18 @@ def _cell(one: dict[str, Any], key: str) -> str:
 
 def page(results: Results) -> str:
     """Make the page."""
-    parts = [
-        "Mean errors of the [load series](../background/networks.md#load-series) in 10⁻³ m under "
-        "loads of the test split, in parentheses\nthe median, by the order of the last term: of "
-        "the sum of the terms, and of their combination with the least potential\nenergy. The "
-        "time is that of "
-        "PyTorch for one load, after the linear response, on 1 thread.",
-        "",
+    rows = [
+        [f"`{name}`", str(case["samples"]), order, _cell(one, "sum"), _cell(one, "least")]
+        for name, case in results["cases"].items()
+        for order, one in case["orders"].items()
+        if order != "1"
     ]
-    for name, case in results["cases"].items():
-        rows = [
-            [
-                order,
-                _cell(one, "sum"),
-                _cell(one, "least"),
-                f"{one['median_ms']:.1f} ms" if "median_ms" in one else "–",
-            ]
-            for order, one in case["orders"].items()
-        ]
-        head = ["order", "sum", "least energy", "time"]
-        parts += [f"## `{name}`, {case['samples']} loads", "", markdown_table(head, rows)]
-    return "\n".join(parts)
+    return (
+        "Mean errors of the [load series](../background/networks.md#load-series) in 10⁻³ m under "
+        "loads of the test split, in parentheses the median, by the order of the last term: of the "
+        "sum of the terms, and of their combination with the least potential energy.\n\n"
+        f"{markdown_table(['case', 'loads', 'order', 'sum', 'least energy'], rows)}"
+    )
 
 
 def arguments(parser: Parser) -> None:

@@ -31,13 +31,11 @@ DESCRIPTION = """\
 Pages of `surrogate page` in headless Chromium {chromium}, {width} × {height} pixels, without a
 graphics processor: SwiftShader draws on the same cores. Times in ms.
 
-- *first frame*: from the start of navigation to the body at rest; *ready*: to the network
-- *press*: from the first press on a node to its first frame; it waits for the factorisation of the
-  stiffness where the network contains the linear response
-- *frame*: from the delivery of a pointer event to the page to its drawn frame, read back from the
-  canvas: median (10 to 90 % quantile) over {moves} events {apart} ms apart; *since*: from the event
-  itself, which the browser delivers with its next frame; *drawing*: a frame without a prediction,
-  on a page at rest
+- *first frame*, *ready*: from the start of navigation to the body at rest, to the network
+- *press*: from the first press on a node to its first frame
+- *frame*: from the delivery of a pointer event to its drawn frame, read back from the canvas:
+  median (10 to 90 % quantile) over {moves} events {apart} ms apart; *drawing*: a frame without a
+  prediction
 - *estimate*: from the end of a drag to the estimated error
 """
 TIMES = (  # of one call, in ms: predictions alone, and frames alone
@@ -151,7 +149,6 @@ def page(results: Results) -> str:
             "ready",
             "press",
             "frame",
-            "since",
             "drawing",
             "estimate",
         ),
@@ -165,7 +162,6 @@ def page(results: Results) -> str:
                 f"{r['ready_ms']:.0f}",
                 f"{r['press_ms']:.0f}",
                 milliseconds(r["frame_ms"]),
-                milliseconds(r["since_event_ms"]),
                 milliseconds(r["drawing_ms"]),
                 f"{r['estimate_ms']:.0f}" if "estimate_ms" in r else "–",
             )

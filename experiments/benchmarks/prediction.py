@@ -121,17 +121,15 @@ def page(results: Results) -> str:
         ((f"`{case}`", f"{ms:.3g}", *papers(case)) for case, ms in results["solving_ms"].items()),
     )
     return (
-        "Input is one load, output one displacement field, both NumPy arrays; values are medians "
-        "in ms after a warm-up.\nNetworks have the paper's size or that of the `fast` recipes, "
-        "and random weights. Deterministic networks take one\n"
-        f"pass, those of variational Bayes {PASSES}; their drawn weights are kept between "
-        "predictions (last column: drawn again for\neach). *Compiled* is by `torch.compile`; "
-        "*ONNX* is the file of `surrogate export` in ONNX Runtime "
-        f"{results['onnxruntime']},\nempty if the passes do not fit into one file.\n\n"
-        f"{rows}\n"
-        "## Time of the finite elements\n\n"
-        "Median time in ms of `datagen`'s solver over the samples of the dataset, on the machine "
-        "that made the dataset,\nand the times of the paper, whose networks take "
+        "One load in, one displacement field out, NumPy arrays both: medians in ms after a "
+        "warm-up. Networks have the paper's size or that of the `fast` recipes, and random "
+        "weights. "
+        f"Variational Bayes takes {PASSES} passes, whose drawn weights are kept between "
+        "predictions (last column: drawn again for each). *Compiled* is by `torch.compile`; *ONNX* "
+        f"is the file of `surrogate export` in ONNX Runtime {results['onnxruntime']}, empty if the "
+        f"passes do not fit into one file.\n\n{rows}\n"
+        "The finite elements: `datagen`'s median over the samples of the dataset on the machine "
+        "that made it, and the paper's times in ms. The paper's networks take "
         f"{PAPER.bayesian_prediction.all_passes_ms:g} ms for {PASSES} passes in the plane.\n\n"
         f"{solving}"
     )

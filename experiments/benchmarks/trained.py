@@ -112,28 +112,25 @@ def compare(name: str, samples: int, repeats: int) -> Results:
 def page(results: Results) -> str:
     """Make the page."""
     rows = markdown_table(
-        ("network", "nodes", *(f"`{way}`" for way in WAYS), "ratio", "processor"),
+        ("network", "nodes", *(f"`{way}`" for way in WAYS), "ratio"),
         (
             (
                 f"`{r['name']}`: {r['network']}",
                 str(r["nodes"]),
-                *(f"{r['median_ms'][way]:.3g} ({r['fast_ms'][way]:.3g})" for way in WAYS),
+                *(f"{r['median_ms'][way]:.3g}" for way in WAYS),
                 f"{r['median_ms']['datagen'] / r['median_ms']['predict']:.3g}",
-                f"{r['processor_ms']['predict']:.3g}",
             )
             for r in results["networks"]
         ),
     )
     return (
-        "One load in, one displacement field out, NumPy arrays both; times in ms, medians over "
-        f"{results['repeats']} loads of the case,\nin parentheses the 10 % quantile. `predict` is "
-        "that of `surrogate.load(name)`; `PyTorch` is the same network, module\nby module; `ONNX "
-        f"Runtime` {results['onnxruntime']} reads the file of `surrogate export`. `datagen` is its "
-        f"time per solution, over {2 * results['samples']}\nsamples, half of them solved just "
-        "before the predictions and half just after. All use "
-        f"{results['threads']} thread. The ratio is that of the\nmedians of `datagen` and "
-        "`predict`; the last column is the processor time of `predict` in ms, without the waiting "
-        f"for other\nprograms.\n\n{rows}"
+        "One load in, one displacement field out, NumPy arrays both: medians in ms over "
+        f"{results['repeats']} loads of the case on {results['threads']} thread. `predict` is that "
+        "of `surrogate.load(name)`, `PyTorch` the same network module by module, `ONNX Runtime` "
+        f"({results['onnxruntime']}) reads the file of `surrogate export`. `datagen` is the time "
+        f"of a solution, over {2 * results['samples']} samples, half of them solved just before "
+        "the predictions and half just after. The ratio is that of `datagen` and `predict`."
+        f"\n\n{rows}"
     )
 
 

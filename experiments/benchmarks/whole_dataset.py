@@ -121,8 +121,9 @@ def page(results: Results) -> str:
     head = ("prediction", "ē (standard deviation), mm", "median, mm", "within 0.5 %, %", "worst, %")
     size, single = results["gigabytes"], min(TIMED, results["test_samples"])
     return (
-        f"The case `{results['case']}`, {results['nodes']} nodes: {results['samples']} samples, "
-        f"{size['nodal']:g} GB of nodal fields and {size['structured']:g} GB on the grid.\n"
+        f"`{results['case']}`: {results['nodes']} nodes, {results['samples']} samples, "
+        f"{size['nodal']:g} GB of nodal "
+        f"fields and {size['structured']:g} GB on the grid. "
         f"The {results['test_samples']} test samples move by {results['mean_largest_m']:.2g} m in "
         f"the mean, {results['largest_m']:.2g} m at most. Errors are mean absolute ones of all "
         "components, those of a node relative to the\nlargest displacement of the sample. Times "
@@ -139,7 +140,7 @@ def arguments(parser: Parser) -> None:
 
 BENCHMARK = Benchmark(
     name="whole-dataset",
-    title="All test samples of `{case}`",
+    title="All test samples of a dataset",
     measure=measure,
     page=page,
     arguments=arguments,

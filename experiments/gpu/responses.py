@@ -14,7 +14,6 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from experiments.benchmarks.one_load import loads
 from experiments.framework.experiment import Findings
 from experiments.gpu.setting import GpuSetting, Results
 from surrogate import Surrogate, load
@@ -23,7 +22,7 @@ from surrogate.inference import fixed_directions
 NETWORKS = ("beam2d_any", "lshape2d_any", "beam3d_any", "beam3d_any_reduced")
 BATCHES, IN_SPACE = (1, 64, 512, 4096), (1, 64, 512)
 DIRECTIONS = 4
-COMPARED = 8  # loads
+COMPARED, FEW = 8, 4  # loads; nodes of a load
 REFERENCES = "references.npz"
 LAST = 6.0  # s that a batch may take
 Array = NDArray[np.float64]
@@ -46,12 +45,25 @@ def responses(setting: GpuSetting) -> Findings:
     return Findings(numbers={"responses": found, "complete": True})
 
 
+def loads(model: Surrogate, count: int) -> Array:
+    """Random loads on 1 to 4 nodes: (count, n_nodes, d) in N."""
+    random, geometry = np.random.default_rng(0), model.geometry
+    limit = np.array(model.description.data.info.force.max_abs)
+    nodes = np.flatnonzero(geometry.loadable & ~geometry.held.any(axis=1))
+    forces = np.zeros((count, *geometry.coordinates.shape))
+    for force in forces:
+        some = random.integers(1, FEW + 1)
+        chosen = random.choice(nodes, some, replace=False)
+        force[chosen] = random.uniform(-limit, limit, (some, len(limit))) / np.sqrt(some)
+    return forces
+
+
 def write_references(path: Path) -> None:
     """Write displacements and bounds in m of a few loads, by the CPU."""
     arrays: dict[str, Array] = {}
     for name in NETWORKS:
         model = load(name)
-        forces = loads(model, "few", COMPARED)
+        forces = loads(model, COMPARED)
         arrays[f"{name}/displacement"] = displacement = model.predict(forces)
         arrays[f"{name}/bound"] = model.bounds(forces, displacement).largest
     np.savez_compressed(path, allow_pickle=False, **arrays)
@@ -61,7 +73,7 @@ def of_batch(
     setting: GpuSetting, model: Surrogate, batch: int, expected: Array, bound: Array
 ) -> Results:
     """Times in ms of one batch, and the differences of its first loads from the CPU's."""
-    forces, few = loads(model, "few", max(batch, COMPARED))[:batch], min(batch, COMPARED)
+    forces, few = loads(model, max(batch, COMPARED))[:batch], min(batch, COMPARED)
     predicted, expected, bound = model.predict(forces), expected[:few], bound[:few]
     difference = np.abs(predicted[:few] - expected).max((1, 2)) / np.abs(expected).max((1, 2))
     result: Results = {"batch": batch, "relative_difference": float(np.median(difference))}

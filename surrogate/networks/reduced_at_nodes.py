@@ -4,9 +4,7 @@ r"""A reduced network between fields at the nodes, on a CPU, for loads without g
 
 The response :math:`u_1` of the undeformed body, the encoder E and the modes V are those of
 `surrogate.networks.reduced_network`, taken from the grid to the nodes once. A load on a few nodes
-needs a few rows of E, and columns of K⁻¹ that are kept; no field passes over the grid. A single
-load on 1 to 4 nodes takes half of the time of `NodalNetwork` or less on every shipped body
-(`docs/benchmarks/one-load.md`).
+needs a few rows of E, and columns of K⁻¹ that are kept; no field passes over the grid.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 r"""The load series of a small body: K⁻¹ is a matrix, and a load is one call of compiled code.
 
-A single load takes a thirteenth of the time of PyTorch on the small shipped bodies, or less, and 16
-loads a sixth (`docs/benchmarks/one-load.md`): calls take longest there, not sums.
+A single load takes a twentieth of the time of PyTorch on the small shipped bodies, or less
+(`docs/benchmarks/trained.md`): calls take longest there, not sums.
 """
 
 from __future__ import annotations

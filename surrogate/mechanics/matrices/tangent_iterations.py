@@ -37,7 +37,7 @@ def iterates(layout: Layout) -> bool:
     """Whether iterations solve with a tangent sooner than its factors: a large body's, by SuperLU.
 
     On 20 000 nodes a full certificate takes 14 s by iterations, 33 s by factors of SuperLU, and 6 s
-    by those of PARDISO (``docs/benchmarks/tangents-superlu.md`` and ``-pardiso.md``).
+    by those of PARDISO (``docs/benchmarks/tangents.md``).
     """
     return type(layout) is SparseLayout and not has_pardiso()
 
