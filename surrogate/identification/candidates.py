@@ -20,9 +20,10 @@ from scipy.sparse import csr_array
 
 from shared_schema.common.errors import WorkError
 from surrogate.identification.least_squares import Fit, Point, stepped, wild_cost
-from surrogate.identification.responses import DIFFERENCE, Body, differences, predicted_under
+from surrogate.identification.responses import DIFFERENCE, Body, differences
 from surrogate.identification.unknowns import Unknowns
 from surrogate.mechanics.follower_pressure import FollowerPressure
+from surrogate.touch.body import predicted
 
 Array = NDArray[np.float64]
 
@@ -101,10 +102,10 @@ def likely_candidates(
     ]
     both = list(zip([start.unknowns for start in starts], points, strict=True))
     loads, pressed = np.concatenate([of.forces(at) for of, at in both]), joined_pressures(both)
-    fields = predicted_under(body, loads, pressed)
-    predicted = fields.reshape(len(starts), -1, *fields.shape[1:])
+    fields = predicted(body, loads, pressed)
+    of_starts = fields.reshape(len(starts), -1, *fields.shape[1:])
     found = []
-    for start, fields in zip(starts, predicted, strict=True):
+    for start, fields in zip(starts, of_starts, strict=True):
         seen = np.array([at_markers @ field for field in fields])
         if not np.isfinite(seen).all():
             continue

@@ -14,7 +14,6 @@ from shared_schema.common.errors import WorkError
 from surrogate.certify.correction import correct
 from surrogate.identification.least_squares import Model
 from surrogate.identification.unknowns import Unknowns
-from surrogate.mechanics.follower_pressure import FollowerPressure
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.touch import body as touch
 
@@ -127,18 +126,7 @@ class ExactResponse(Response):
 
 def predicted(body: Body, unknowns: Unknowns, thetas: Array) -> Array:
     """u(θ) in m by predictions, of N sets of parameters: (N, p) → (N, n_nodes, d)."""
-    return predicted_under(body, unknowns.forces(thetas), unknowns.pressure(thetas))
-
-
-def predicted_under(body: Body, dead: Array, pressure: FollowerPressure | None) -> Array:
-    """Predictions in m of N dead loads in N, with the pressures beside each: (N, n_nodes, d)."""
-    geometry = body.geometry
-    if not geometry.surfaces:
-        return np.asarray(body.predict(dead))
-    nodal = dead[:, : len(geometry.coordinates)]
-    if pressure is not None:
-        nodal = nodal + pressure.load[:, : nodal.shape[1]] * geometry.free
-    return np.asarray(body.predictor.under(dead, pressure, nodal)[0])
+    return touch.predicted(body, unknowns.forces(thetas), unknowns.pressure(thetas))
 
 
 def unit_forces(body: Equilibrium, unknowns: Unknowns, u: Array) -> Array:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.common.bodies.command_loads import CommandLoads, command_loads
-from shared_schema.common.errors import InputError
+from shared_schema.common.bodies.command_loads import CommandLoads
 from surrogate.data.geometry import Geometry
 from surrogate.descent.aim import Aim
 from surrogate.descent.driven_body import DrivenBody
@@ -78,7 +77,9 @@ class LoadedBody:
         if isinstance(load, LoadedBody):
             return load
         if not isinstance(load, CommandLoads):
-            load = given_beside(model.geometry, load)
+            from surrogate.inference.given_load import given_load
+
+            load = given_load(model.geometry, load, needed=False)
         between = load.between if load.between.any() else load.between[:0]
         dead = np.concatenate([load.forces, between])
         pressure = FollowerPressure.of_load(load)
@@ -96,6 +97,13 @@ class LoadedBody:
         same = same and all(map(np.array_equal, one.surfaces, two.surfaces))
         return same and np.array_equal(one.pressures, two.pressures)
 
+    def part(self, share: float) -> LoadedBody:
+        """The body under a part of the load."""
+        if share == 1.0:
+            return self
+        pressure = None if self.pressure is None else self.pressure.scaled(share)
+        return replace(self, dead=share * self.dead, pressure=pressure)
+
     def acts(self, force: Array) -> bool:
         """Whether anything moves the body, beside pressures a dead load in N."""
         return self.pressure is not None or bool(force.any())
@@ -111,28 +119,18 @@ class LoadedBody:
 
     def predict(self, dead: Array) -> Array:
         """Displacements in m, (n_nodes, d), under a dead load in N and the pressures."""
-        if self.model.geometry.surfaces:
-            return self._responses(dead)[0]
-        return np.asarray(self.model.predict(dead))
+        return predicted(self.model, dead[None], self.pressure)[0]
 
     def driven(self, tolerance: float) -> Predict:
         """Predictions that directions drive to a relative tolerance."""
         aim = Aim(tolerance)
 
         def predict(dead: Array) -> Array:
-            found, last = self._responses(dead)
-            return np.asarray(self.model.descend(dead, self.pressure, found, aim, last)[0])
+            found, last = responses(self.model, dead[None], self.pressure)
+            descent = self.model.descend(dead, self.pressure, found[0], aim, float(last[0]))
+            return np.asarray(descent[0])
 
         return predict
-
-    def _responses(self, dead: Array) -> tuple[Array, float]:
-        """A prediction, and how much the last term of its series changes it, in m."""
-        geometry, pressure = self.model.geometry, self.pressure
-        nodal = dead[: len(geometry.coordinates)]
-        if pressure is not None:
-            nodal = nodal + pressure.load[0, : len(nodal)] * geometry.free
-        found, last = self.model.predictor.under(dead, pressure, nodal)
-        return np.asarray(found), float(last[0])
 
     @cached_property
     def equilibrium(self) -> Equilibrium:
@@ -155,21 +153,18 @@ class LoadedBody:
         return self.equilibrium.response_at(self.at_points(field, dead)) is not None
 
 
-def given_beside(geometry: Geometry, load: Array | str | Sequence[str]) -> CommandLoads:
-    """Read an array in N, (n_nodes or n_points, d), or texts as ``--load`` takes them."""
-    body = geometry.loaded_body
-    if isinstance(load, str) or (isinstance(load, Sequence) and all(map(_is_text, load))):
-        given = command_loads(body, load, needed=False)
-        if given.surfaces and geometry.pressed is None:
-            raise InputError("load: a pressure, expected forces; the network was trained on these")
-        return given
-    points, nodes, both = geometry.loaded_points, len(geometry.coordinates), np.asarray(load)
-    between = both[nodes:] if points is not None and len(both) == points.count else both[:0]
-    given = CommandLoads(body)
-    given.add_forces(both[: len(both) - len(between)])
-    given.between[: len(between)] = between
-    return given
+def predicted(model: Body, dead: Array, pressure: FollowerPressure | None) -> Array:
+    """Predictions in m of N dead loads in N, with the pressures beside each: (N, n_nodes, d)."""
+    if model.geometry.surfaces:
+        return responses(model, dead, pressure)[0]
+    return np.asarray(model.predict(dead))
 
 
-def _is_text(part: object) -> bool:
-    return isinstance(part, str)
+def responses(model: Body, dead: Array, pressure: FollowerPressure | None) -> tuple[Array, Array]:
+    """The same, and how much the last terms of their series change them, (N,) in m."""
+    geometry = model.geometry
+    nodal = dead[:, : len(geometry.coordinates)]
+    if pressure is not None:
+        nodal = nodal + pressure.load[:, : nodal.shape[1]] * geometry.free
+    found, last = model.predictor.under(dead, pressure, nodal)
+    return np.asarray(found), np.asarray(last)

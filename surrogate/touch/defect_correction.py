@@ -38,7 +38,7 @@ from numpy.typing import NDArray
 from surrogate.descent.driven_body import longest
 from surrogate.descent.first_direction import first_direction
 from surrogate.touch.body import Body, LoadedBody, Predict
-from surrogate.touch.force_search import part_of
+from surrogate.touch.search import part_of
 
 Array = NDArray[np.float64]
 Felt: TypeAlias = Callable[[Array], float]

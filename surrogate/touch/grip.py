@@ -3,20 +3,25 @@ r"""Grips: places of a body that are held at given displacements, and the forces
 A surrogate predicts the displacement u of given nodal forces. Of a grip the displacement
 :math:`\bar u` of some components H is given, and the forces g there are sought, beside a load f:
 
-.. math:: r(g) = \bar u - u_H(f + g) = 0
+.. math:: \bar u - u_H(f + g) = 0
 
-by Broyden's method, which needs predictions alone (`surrogate.touch.force_search`). Frames that
-follow one another begin at the forces of the last one. What is left unbalanced corrects the
-predictions, once a frame (`surrogate.touch.defect_correction`). Where no forces are found, or their
-prediction is estimated to be wrong, Newton's method finds the body with its grips
-(`surrogate.touch.held_newton`), until predictions are right again.
+by predictions around which the body is linear (`surrogate.touch.search`), frame by frame
+(`surrogate.touch.frames`).
+
+Where Newton's method finds the body, held components are supports at given displacements. From a
+state u that is known, they move by δ, and the rest of the body with them to first order,
+
+.. math:: u + δ - K^{-1} K(u) \, δ
+
+with the inverse of K at free components; Newton's method with a line search goes on from there
+(`surrogate.certify.correction`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
@@ -27,19 +32,19 @@ from shared_schema.common.arguments.read_only import read_only
 from shared_schema.common.arguments.real_numbers import real_numbers
 from shared_schema.common.bodies.command_loads import CommandLoads
 from shared_schema.common.errors import InputError, WorkError
-from surrogate.certify.correction import Correction
+from surrogate.certify.correction import Correction, stable_state
 from surrogate.data.geometry import Geometry
-from surrogate.descent.aim import require_positive
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.touch.body import Beside, Body, LoadedBody, Predict
-from surrogate.touch.defect_correction import ROUGHLY, DefectCorrection
-from surrogate.touch.force_search import TOLERANCE, ForceSearch, inverse
-from surrogate.touch.held_newton import HeldNewton
+from surrogate.touch.condition import Held as HeldComponents
+from surrogate.touch.frames import Frames
 
 Array = NDArray[np.float64]
 Held: TypeAlias = Mapping[str, Sequence[float | None]] | Sequence[str]
 
-COLUMNS = 64  # of K⁻¹ at once
+TOLERANCE = 1e-4  # of frames, of the largest held displacement
+START = "last state of the grips"
+SMALL = 1e-6  # of an edge of a cell: displacement whose difference is taken
 
 
 @dataclass(frozen=True)
@@ -68,22 +73,7 @@ class GripFrame:
     correction: Correction | None = None
 
 
-@dataclass(frozen=True)
-class Shown:
-    """The field in m that is shown under forces of grips on the held components in N."""
-
-    field: Array
-    grips: Array
-    loaded: LoadedBody
-    predict: Predict | None
-
-    def is_of(self, grips: Array, loaded: LoadedBody, predict: Predict | None) -> bool:
-        """Whether it is the field of these forces."""
-        same = np.array_equal(grips, self.grips) and loaded.is_under(self.loaded)
-        return same and predict is self.predict
-
-
-class Grip:
+class Grip(Frames[HeldComponents, GripFrame]):
     """Places of a body that are held, and moved frame by frame.
 
     >>> grip = Grip(model, ["4,1"])                        # doctest: +SKIP
@@ -130,26 +120,19 @@ class Grip:
         tolerance: float = TOLERANCE,
         corrected: bool | None = None,
     ) -> None:
-        require_positive("tolerance", tolerance)
         together = CommandLoads(model.geometry.loaded_body)
-        components, displacements = [], []
+        places, displacements = [], []
         for text in _texts(held, model.geometry.dimension):
             before = together.moved.copy()
             together.move(text, nearest)
-            components.append(together.moved & ~before)
-            moved = np.where(components[-1], together.displacement, 0.0)
+            places.append(together.moved & ~before)
+            moved = np.where(places[-1], together.displacement, 0.0)
             displacements.append(moved[np.abs(moved).argmax(axis=0), np.arange(moved.shape[1])])
-        self.components = read_only(np.array(components))
+        self.components = read_only(np.array(places))
         self.displacements = read_only(np.array(displacements))
         self.notes = tuple(together.notes)
-        self._model, self._held = model, at_points(model.geometry, together.moved)
-        self._dofs = np.flatnonzero(self._held)
-        self.tolerance = tolerance
-        self._search = ForceSearch(stiffness_at_rest(model.equilibrium, self._held))
-        self._defect = DefectCorrection(model, corrected)
-        self._shown: Shown | None = None
-        self._is_far = False  # whether predictions miss the last frame
-        self._field: Array = np.zeros(together.moved.shape)
+        components = np.flatnonzero(at_points(model.geometry, together.moved))
+        super().__init__(model, components, tolerance, corrected)
 
     @checked_arguments
     def move(
@@ -179,48 +162,7 @@ class Grip:
         WorkError
             If no forces are found, or what they predict is wrong and there is no equilibrium.
         """
-        wanted, loaded = self._given(displacements, load)
-        if predict is None and self._is_far:
-            return self._beyond_predictions(wanted, loaded)
-        shows, shown, count = predict or loaded.predict, self._shown, 0
-        target = wanted.ravel()[self._dofs]
-        if predict is not None or shown is None:
-            self._defect.forget()
-        self._defect.body = loaded
-
-        def displaced(forces: Array) -> Array:
-            nonlocal shown, count
-            if shown is None or not shown.is_of(forces, loaded, predict):
-                count += 1
-                field = self._defect.predicted(shows, self._total(loaded, forces))
-                shown = Shown(field, forces.copy(), loaded, predict)
-            return self._at_held(shown)
-
-        try:
-            if predict is None and self._defect.wanted:
-                self._search.find(displaced, target, max(self.tolerance, ROUGHLY))
-                assert shown is not None
-                felt = partial(self._felt, grips=shown.grips)
-                change = self._defect.improve(shown.field, self._total(loaded, shown.grips), felt)
-                shown = replace(shown, field=shown.field + change)
-            self._search.find(displaced, target, self.tolerance)  # asks for what it finds last
-        except WorkError as error:
-            try:
-                return self._corrected(wanted, loaded)
-            except WorkError:
-                raise error from None
-        assert shown is not None
-        total = self._total(loaded, shown.grips)
-        if predict is None and self._defect.is_far(shown.field, total):
-            return self._beyond_predictions(wanted, loaded)
-        self._shown, self._field = shown, shown.field
-        return self._frame(shown.field, self._of_grips(shown.grips), count)
-
-    def _beyond_predictions(self, wanted: Array, loaded: LoadedBody) -> GripFrame:
-        """Find the equilibrium, and whether it can be predicted."""
-        frame, self._defect.body = self._corrected(wanted, loaded), loaded
-        self._is_far = self._defect.misses(frame.displacement, loaded.with_forces(frame.force))
-        return frame
+        return self._moved(*self._given(displacements, load), predict)
 
     @checked_arguments
     def correct(self, displacements: ArrayLike, load: Beside = None) -> GripFrame:
@@ -235,17 +177,8 @@ class Grip:
         """
         return self._corrected(*self._given(displacements, load))
 
-    def _corrected(self, wanted: Array, loaded: LoadedBody) -> GripFrame:
-        found, force = self._newton.find(wanted, loaded, self._field)
-        self._field, self._shown = found.displacement.copy(), None
-        return self._frame(found.displacement, self._of_grips(force.ravel()[self._dofs]), 0, found)
-
-    @cached_property
-    def _newton(self) -> HeldNewton:
-        return HeldNewton(self._model.equilibrium, self._held)
-
-    def _given(self, displacements: ArrayLike, load: Beside) -> tuple[Array, LoadedBody]:
-        """Displacements of the held components in m, (n_points, d), and the body under a load."""
+    def _given(self, displacements: ArrayLike, load: Beside) -> tuple[HeldComponents, LoadedBody]:
+        """What is held where, and the body under a load."""
         moved = real_numbers(displacements, "displacements")
         places, _, d = self.components.shape
         if moved.shape != (places, d) or not np.isfinite(moved).all():
@@ -254,47 +187,51 @@ class Grip:
                 "in m, one of each place"
             )
         wanted = np.einsum("pd,pnd->nd", moved, self.components)
-        at_points = self._model.equilibrium.interpolated(wanted[None])[0]
-        return at_points, LoadedBody.of(self._model, load)
+        at_points = self._model.equilibrium.interpolated(wanted[None])
+        held = HeldComponents(at_points.ravel()[self._body.components])
+        return held, LoadedBody.of(self._model, load)
 
-    def _of_grips(self, forces: Array) -> Array:
-        """The load in N, (n_nodes or n_points, d), of forces on the held components, (m,)."""
-        at_points = np.zeros(self._held.size)
-        at_points[self._dofs] = forces
-        found = self._model.equilibrium.load_of(at_points.reshape(1, *self._held.shape))[0]
-        return found if self._between else found[: len(self._field)]
-
-    def _total(self, loaded: LoadedBody, forces: Array) -> Array:
-        """The whole dead load in N with forces on the held components, (m,)."""
-        return loaded.with_forces(self._of_grips(forces))
-
-    @property
-    def _between(self) -> bool:
-        """Whether points between the nodes are held."""
-        return bool(self._dofs[-1] >= self._field.size)
-
-    def _at_held(self, shown: Shown) -> Array:
-        """Displacements of the held components in m, (m,)."""
-        field = shown.field
-        if self._between:
-            field = shown.loaded.at_points(field, self._total(shown.loaded, shown.grips))
-        return np.asarray(field.ravel()[self._dofs])
-
-    def _felt(self, change: Array, grips: Array) -> float:
-        """Forces of grips that a change of the field in m would take, over those that there are."""
-        at_points = self._model.equilibrium.interpolated(change[None])
-        taken = self._search.forces_of(at_points.ravel()[self._dofs])
-        return float(np.linalg.norm(taken) / (np.linalg.norm(grips) or 1.0))
-
-    def _frame(
-        self,
-        field: Array,
-        force: Array,
-        predictions: int,
-        correction: Correction | None = None,
-    ) -> GripFrame:
+    def _frame(self, predictions: int, correction: Correction | None = None) -> GripFrame:
+        """Describe what is shown."""
+        field, force = self._shown.field, self._body.load(self._shown.force[None])[0]
         reactions = np.einsum("nd,pnd->pd", force[: len(field)], self.components)
         return GripFrame(field.copy(), force, reactions, predictions, correction)
+
+    @cached_property
+    def _supported(self) -> Equilibrium:
+        """The body with supports where it is held."""
+        body, fixed = self._model.equilibrium, ~self._model.equilibrium.free
+        fixed.ravel()[self._body.components] = True
+        supports = replace(body.geometry, single=fixed, clamped=np.asarray(fixed.all(axis=1)))
+        materials = body.solid.materials
+        return Equilibrium(supports, materials[0] if len(materials) == 1 else materials)
+
+    def _balanced(
+        self, condition: HeldComponents, loaded: LoadedBody, u: Array, force: Array
+    ) -> tuple[Correction, Array]:
+        """Equilibrium of the held body; the grips bear what is out of balance without them."""
+        components, body = self._body.components, self._supported
+        if loaded.pressure is not None:
+            body = body.under(loaded.pressure)
+        f, moved = loaded.equilibrium.forces_at_points(loaded.dead[None]), np.zeros_like(u)
+        moved.ravel()[components] = condition.target - u.ravel()[components]
+        found = stable_state(body, f, lifted(body, u, f, moved), START)
+        out = loaded.equilibrium.out_of_balance(found.displacement[None], f)
+        return found, out.ravel()[components]
+
+
+def lifted(body: Equilibrium, u: Array, f: Array, moved: Array) -> Array:
+    """Move held components, and the rest with them to first order: (1, n_points, d) in m."""
+    largest = float(np.abs(moved).max())
+    if largest == 0:
+        return u
+    small = SMALL * body.cell_size / largest
+    change = body.out_of_balance(u + small * moved, f) - body.out_of_balance(u, f)
+    response = body.response_at(u[0]) or body.linear_response
+    found = u + moved - response(change / small)
+    if body.inverted(found)[0]:
+        raise WorkError("cells are inverted")
+    return np.asarray(found)
 
 
 def at_points(geometry: Geometry, moved: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -306,19 +243,6 @@ def at_points(geometry: Geometry, moved: NDArray[np.bool_]) -> NDArray[np.bool_]
     if points is None:
         return moved
     return np.asarray(points.held(geometry.held | moved) & geometry.free_at_points)
-
-
-def stiffness_at_rest(body: Equilibrium, held: NDArray[np.bool_]) -> Array:
-    """Inverse of the block of K⁻¹ of held components, (m, m) in N/m."""
-    dofs = np.flatnonzero(held)
-    block = np.empty((len(dofs), len(dofs)))
-    for start in range(0, len(dofs), COLUMNS):
-        some = dofs[start : start + COLUMNS]
-        unit = np.zeros((len(some), held.size))
-        unit[np.arange(len(some)), some] = 1.0
-        response = body.linear_response(unit.reshape(-1, *held.shape))
-        block[start : start + len(some)] = response.reshape(len(some), -1)[:, dofs]
-    return inverse(block)
 
 
 def _texts(held: Held, dimension: int) -> list[str]:

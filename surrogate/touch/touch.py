@@ -1,40 +1,35 @@
 r"""Rigid tools that push a body: their forces, sought with predictions.
 
 A surrogate predicts the displacement u of given nodal forces. The forces of a tool are sought:
-normal to it, and such that no node of the surface enters it (`surrogate.touch.linear_contact`).
-Around a prediction the body is taken for linear, :math:`u ≈ u_k + C (f - f_k)`. A prediction with
-the forces of this linear body is the next :math:`u_k`, and tells what C lacks
-(`surrogate.touch.linear_body`); it is the last one if nodes are where the tool wants them. Where
-that does not converge, the tool enters the body in steps. Frames that follow one another begin at
-the last one, bend as the frames before did (`surrogate.touch.bend`), and begin again from rest if
-that fails. A body that the contact alone keeps from snapping has no stable displacement under the
-forces of the tool, and so no prediction: then Newton's method finds it together with the contact
-(`surrogate.touch.contact_newton`). So it does where a prediction is estimated to be wrong
-(`surrogate.touch.defect_correction`).
+normal to it, and such that no node of the surface enters it (`surrogate.touch.tool_contact`), by
+predictions around which the body is linear (`surrogate.touch.search`), frame by frame
+(`surrogate.touch.frames`).
+
+Where Newton's method finds the body, the contact is that of the factory
+(`datagen.solver.contact.tool_contact`). Its forces are found by the method of multipliers
+(`surrogate.mechanics.tool_springs`): with springs to the tool, the potential energy has a minimum,
+which Newton's method with a line search finds, past unstable equilibria
+(`surrogate.certify.correction`); the forces there are the next λ.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property, partial
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.arguments.read_only import read_only
+from shared_schema.common.bodies.force_tolerance import RELATIVE, ForceTolerance
 from shared_schema.common.errors import WorkError
 from shared_schema.tools import Contact, Tool, require_outside
-from surrogate.certify.correction import Correction
-from surrogate.descent.aim import require_positive
-from surrogate.descent.driven_body import longest
-from surrogate.touch.bend import Bend
+from surrogate.certify.correction import Correction, stable_state
+from surrogate.mechanics.tool_springs import ToolSprings
 from surrogate.touch.body import Beside, Body, LoadedBody, Predict
-from surrogate.touch.contact_newton import ContactNewton
-from surrogate.touch.defect_correction import ROUGHLY, DefectCorrection
-from surrogate.touch.halved_steps import halved_steps
-from surrogate.touch.linear_body import LinearBody
-from surrogate.touch.linear_contact import linear_contact
+from surrogate.touch.frames import Frames
+from surrogate.touch.tool_contact import ToolContact
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
@@ -42,9 +37,10 @@ Numbers = NDArray[np.int64]
 TOLERANCE = 1e-3  # of frames, of the largest displacement
 INSIDE = 1e-3  # of the body's size: depth of a node that is an error
 CLOSE = 1e-3  # of the same: movement of the last step towards a reaction
-MOST = 30  # predictions of one step
-LARGER = 2.0  # of depths and distances that a full step may leave
-SHORTEST = 1 / 8  # part of a step
+STIFFNESS = 100.0  # k over the largest stiffness of a node at rest
+ROUNDS, SETTLED = 30, 1e-8  # of λ; its last change over the largest
+FIRST, TIGHTER = 1e-6, 1e-2  # residual over the forces in the first round, and how it gets less
+START = "contact with the tool"
 
 
 @dataclass(frozen=True)
@@ -69,7 +65,7 @@ class TouchFrame(Contact):
     correction: Correction | None = None
 
 
-class Touch:
+class Touch(Frames[ToolContact, TouchFrame]):
     """A body that tools push, frame by frame.
 
     >>> touch = Touch(model)                                       # doctest: +SKIP
@@ -101,28 +97,17 @@ class Touch:
     def __init__(
         self, model: Body, tolerance: float = TOLERANCE, corrected: bool | None = None
     ) -> None:
-        require_positive("tolerance", tolerance)
-        geometry, self.tolerance = model.geometry, tolerance
+        geometry = model.geometry
         on_surface = np.asarray(geometry.surface_nodes, np.int64)
         self.surface: Numbers = read_only(on_surface[geometry.free[on_surface].any(axis=1)])
-        self._model, self._geometry = model, geometry
         self._at_rest = geometry.coordinates[self.surface]
-        self._inside = INSIDE * float(np.ptp(geometry.coordinates, axis=0).max())
-        self._body = LinearBody(model, self.surface)
-        self._defect = DefectCorrection(model, corrected)
-        self._tool: Tool | None = None
-        self.let_go()
+        d = geometry.dimension
+        components = (self.surface[:, None] * d + np.arange(d)).ravel()
+        super().__init__(model, components, tolerance, corrected)
 
     def let_go(self) -> None:
         """Forget the last frame."""
-        shape = self._geometry.coordinates.shape
-        self._body.forget()
-        self._defect.forget()
-        self._bend = Bend(self._body, *self._at_rest.shape)
-        self._force: Array = np.zeros(self._at_rest.shape)
-        self._loaded, self._field = LoadedBody.of(self._model), np.zeros(shape)
-        self._shown_by: object = None
-        self._holds, self._tool = True, None
+        self._begin_at_rest()
 
     @checked_arguments
     def move(
@@ -149,44 +134,7 @@ class Touch:
         WorkError
             If no forces are found.
         """
-        loaded = self._loaded_with(tool, load)
-        shows, total = predict or loaded.predict, partial(self._total, loaded)
-        if predict is not None or self._shown_by is not None:
-            self._defect.forget()
-        self._defect.body = loaded
-
-        def predicted(force: Array) -> Array:
-            return self._defect.predicted(shows, total(force))
-
-        if self._holds:
-            search = Search(self._body, self._at_rest, self.surface, predicted)
-            search.force, search.field = self._force, self._field
-            search.expected = self._bend.expected(search.approach(self._tool or tool, tool))
-            if predict is not self._shown_by or not loaded.is_under(self._loaded):
-                search.predict(self._force)
-            try:
-                if predict is None and self._defect.wanted:
-                    search.find(tool, max(self.tolerance, ROUGHLY))
-                    felt = partial(felt_at, self.surface[search.force.any(axis=1)], search.field)
-                    change = self._defect.improve(search.field, total(search.force), felt)
-                    search.field = search.field + change
-                search.find(tool, self.tolerance)
-                if predict is None and self._defect.is_far(search.field, total(search.force)):
-                    raise WorkError("predictions are too far from equilibrium")
-            except WorkError:
-                pass
-            else:
-                self._shown_by = predict
-                if search.lack is not None:
-                    effect = (search.field - self._field)[self.surface]
-                    self._bend.learn(search.lack, search.force - self._force, effect)
-                return self._frame(tool, loaded, search.field, search.force, search.predictions)
-        frame = self._corrected(tool, loaded)
-        force = total(frame.force[self.surface])
-        self._holds = loaded.is_stable(frame.displacement, force)
-        if self._holds and predict is None:
-            self._holds = not self._defect.misses(frame.displacement, force)
-        return frame
+        return self._moved(*self._given(tool, load), predict)
 
     @checked_arguments
     def correct(self, tool: Tool, load: Beside = None) -> TouchFrame:
@@ -199,50 +147,21 @@ class Touch:
         WorkError
             If no stable equilibrium is found.
         """
-        return self._corrected(tool, self._loaded_with(tool, load))
+        return self._corrected(*self._given(tool, load))
 
-    def _corrected(self, tool: Tool, loaded: LoadedBody) -> TouchFrame:
-        try:
-            found, force = self._newton.find(tool, loaded, self._field, self._force)
-        except WorkError:
-            if not self._force.any():
-                raise
-            self.let_go()
-            found, force = self._newton.find(tool, loaded, self._field, self._force)
-        self._shown_by = self._newton
-        return self._frame(tool, loaded, found.displacement.copy(), force, 0, found)
+    def _given(self, tool: Tool, load: Beside) -> tuple[ToolContact, LoadedBody]:
+        """The contact with a tool, which can come to its place, and the body under the load."""
+        require_outside(tool, self._model.geometry.coordinates, self._model.geometry.free)
+        return ToolContact(tool, self._at_rest), LoadedBody.of(self._model, load)
 
-    def _total(self, loaded: LoadedBody, on_surface: Array) -> Array:
-        """The whole dead load in N with the forces of a tool on the surface, (n, d)."""
-        force = np.zeros(self._geometry.coordinates.shape)
-        force[self.surface] = on_surface
-        return loaded.with_forces(force)
-
-    @cached_property
-    def _newton(self) -> ContactNewton:
-        return ContactNewton(self._model.equilibrium, self.surface)
-
-    def _loaded_with(self, tool: Tool, load: Beside) -> LoadedBody:
-        """The body under the load beside a tool, which can come to its place."""
-        require_outside(tool, self._geometry.coordinates, self._geometry.free)
-        return LoadedBody.of(self._model, load)
-
-    def _frame(
-        self,
-        tool: Tool,
-        loaded: LoadedBody,
-        field: Array,
-        on_surface: Array,
-        predictions: int,
-        correction: Correction | None = None,
-    ) -> TouchFrame:
-        """Keep what is found, and describe it."""
-        self._force, self._field, self._loaded, self._tool = on_surface, field, loaded, tool
-        geometry, force = self._geometry, np.zeros(field.shape)
-        force[self.surface] = on_surface
-        gap = tool.gap(geometry.coordinates + field)
+    def _frame(self, predictions: int, correction: Correction | None = None) -> TouchFrame:
+        """Describe what is shown."""
+        assert self._condition is not None
+        geometry, field = self._model.geometry, self._shown.field
+        force = self._body.load(self._shown.force[None])[0]
+        gap = self._condition.tool.gap(geometry.coordinates + field)
         depth = max(0.0, -float(gap.min()))
-        if depth > self._inside:
+        if depth > INSIDE * float(np.ptp(geometry.coordinates, axis=0).max()):
             self.let_go()
             raise WorkError(
                 f"a node is {geometry.units.written(depth)} inside the tool, expected one that "
@@ -264,129 +183,75 @@ class Touch:
         The body is linear around the last frame, by its compliance or, if that gives no forces, by
         a step of Newton's method.
         """
-        x = self._at_rest + self._field[self.surface]
-        body, force = self._body, self._force
-        found = linear_contact(body, tool, x, force, settled=CLOSE) if self._holds else None
-        if found is None:  # of a body that the contact holds
-            last = self._tool or tool
-            return self._newton.reaction(tool, last, self._loaded, self._field, force)
-        return np.asarray(found.sum(axis=0))
+        contact, shown = ToolContact(tool, self._at_rest, settled=CLOSE), self._shown
+        force = contact.forces(self._body, shown.u, shown.force) if self._holds else None
+        if force is None:  # of a body that the contact holds
+            return self._changed_reaction(tool)
+        return np.asarray(force.reshape(self._at_rest.shape).sum(axis=0))
 
+    @cached_property
+    def _stiffness(self) -> Array:
+        """Stiffness k of the springs in N/m, (n,)."""
+        body = self._model.equilibrium
+        layout, stiffness = body.layout, np.zeros(body.free.size)
+        at_rest = layout.assembled(body.solid.stiffness_at_rest())[0]
+        stiffness[layout.dofs] = layout.diagonal(at_rest)
+        return STIFFNESS * stiffness.reshape(body.free.shape)[self.surface].max(axis=1)
 
-def felt_at(nodes: Numbers, field: Array, change: Array) -> float:
-    """Largest change of a field at some nodes over the largest displacement there, both in m.
+    def _springs(self, contact: ToolContact, sizes: Array) -> ToolSprings:
+        given = contact.tool, self.surface, self._at_rest, self._stiffness, sizes, contact.back
+        return ToolSprings(*given)
 
-    The tool is rigid: where it touches, the forces would change by about that part.
-    """
-    return longest(change[nodes]) / (longest(field[nodes]) or 1.0)
+    def _balanced(
+        self, condition: ToolContact, loaded: LoadedBody, u: Array, force: Array
+    ) -> tuple[Correction, Array]:
+        """Equilibrium in which λ are the forces of the springs."""
+        iterations, left, relative = 0, 0, FIRST
+        f = loaded.equilibrium.forces_at_points(loaded.dead[None])
+        sizes = np.linalg.norm(force.reshape(self._at_rest.shape), axis=1)
+        springs = self._springs(condition, sizes)
+        for _ in range(ROUNDS):
+            body, tolerance = loaded.equilibrium.against(springs), ForceTolerance(relative=relative)
+            found = stable_state(body, f, u, START, tolerance)
+            iterations, left = iterations + found.iterations, left + found.left
+            u, sizes = found.displacement[None], springs.sizes(found.displacement)
+            change = float(np.abs(sizes - springs.multipliers).max(initial=0.0))
+            springs = replace(springs, multipliers=sizes)
+            settled = change <= SETTLED * float(sizes.max(initial=0.0))
+            if settled and relative == RELATIVE:
+                normal = condition.tool.normal(self._at_rest + u[0, self.surface])
+                force = (sizes[:, None] * normal).ravel()
+                return replace(found, iterations=iterations, left=left), force
+            relative = max(TIGHTER * relative, RELATIVE)
+        raise WorkError("the forces of the tool do not settle")
 
+    def _changed_reaction(self, tool: Tool) -> Array:
+        r"""Resultant in N, (d,), of a tool close to the last one, linear around its equilibrium.
 
-class Search:
-    """A search for the forces of a tool, from those of a body at rest or of the last frame.
+        With the stiffness K of body and springs, the normals N of the nodes that bear forces, the
+        changes :math:`λ \, δn` of these forces by the tool's motion, and the distances g,
 
-    Parameters
-    ----------
-    body : LinearBody
-    at_rest : array, (n, d)
-        Undeformed positions of the surface in m.
-    surface : array of int, (n,)
-        Its nodes.
-    predicted : callable
-        Forces of the tool on the surface in N, (n, d), to displacements in m, (n_nodes, d).
-
-    Attributes
-    ----------
-    force : array, (n, d)
-        Forces on the surface in N.
-    field : array, (n_nodes, d)
-        The displacement in m under these.
-    predictions : int
-    expected : array, (n, d)
-        Displacement in m of the surface that is expected of the first step, beyond the linear one.
-    lack : array, (n, d), or None
-        What it was, if the search has begun with a step.
-    """
-
-    force: Array
-    field: Array
-
-    def __init__(
-        self, body: LinearBody, at_rest: Array, surface: Numbers, predicted: Predict
-    ) -> None:
-        self._body, self._at_rest, self._surface = body, at_rest, surface
-        self._predicted, self.predictions = predicted, 0
-        self.expected: Array = np.zeros(at_rest.shape)
-        self.lack: Array | None = None
-
-    def approach(self, last: Tool, tool: Tool) -> Array:
-        """Changes of the distances in m to nodes that bear forces, (n,), as a tool moves."""
-        bears, moved = self.force.any(axis=1), np.zeros(len(self.force))
-        x = self.positions()[bears]
-        moved[bears] = tool.gap(x) - last.gap(x)
-        return moved
-
-    def predict(self, force: Array) -> None:
-        """Predict the field under forces on the surface."""
-        self.field = self._predicted(force)
-        self.force, self.predictions = force, self.predictions + 1
-
-    def positions(self) -> Array:
-        """Positions of the surface in m."""
-        return np.asarray(self._at_rest + self.field[self._surface])
-
-    def wrong(self, tool: Tool, back: float) -> float:
-        """Largest depth of a node, or distance of one that bears a force, in m."""
-        gap = tool.gap(self.positions()) + back
-        bears = self.force.any(axis=1)
-        return max(0.0, -float(gap.min()), float(np.abs(gap[bears]).max(initial=0.0)))
-
-    def find(self, tool: Tool, tolerance: float) -> None:
-        """Find the forces to a tolerance as that of `Touch`.
-
-        Raises
-        ------
-        WorkError
-            If none are found, however small the steps.
+        .. math:: λ ← λ - (N^T K^{-1} N)^{-1} (g + N^T K^{-1} λ \, δn) + k \, g.
         """
-        depth = max(0.0, -float(tool.gap(self.positions()).min()))
-
-        def go(share: float, last: tuple[Array, Array]) -> tuple[Array, Array]:
-            self.force, self.field = last
-            if not self._converges(tool, (1 - share) * depth, tolerance):
-                raise WorkError(f"{self.predictions} predictions")
-            return self.force, self.field
-
-        halved_steps(
-            go,
-            (self.force, self.field),
-            lambda share: (
-                f"no forces of the tool are found: it enters the body by {share:.0%} of its depth"
-            ),
+        last, loaded, force = self._condition, self._loaded, self._shown.force
+        force = force.reshape(self._at_rest.shape)
+        sizes, respond = np.linalg.norm(force, axis=1), None
+        u, bear = loaded.at_points(self._shown.field, loaded.dead), np.flatnonzero(sizes)
+        if last is not None and len(bear):
+            respond = loaded.equilibrium.against(self._springs(last, sizes)).response_at(u)
+        if last is None or respond is None:
+            return np.asarray(force.sum(axis=0))
+        x, every, nodes = (
+            (self._at_rest + u[self.surface])[bear],
+            np.arange(len(bear)),
+            self.surface[bear],
         )
-
-    def _converges(self, tool: Tool, back: float, tolerance: float) -> bool:
-        """Find the contact with a tool whose surface is withdrawn by a length in m."""
-        body, last, is_first = self._body, self.predictions + MOST, True
-        while True:
-            wrong = self.wrong(tool, back)
-            if wrong <= tolerance * float(np.abs(self.field).max()):
-                return True
-            force, x = self.force, self.positions()
-            expected = 0.0 if self.predictions else self.expected
-            wanted = linear_contact(body, tool, x + expected, force, back)
-            if wanted is None or self.predictions >= last:
-                return False
-            part = 1.0
-            while True:
-                self.predict(force + part * (wanted - force))
-                if not np.isfinite(self.field).all():
-                    return False
-                lack = body.learn(self.force - force, self.positions() - x)
-                if self.predictions == 1:
-                    self.lack = lack
-                if is_first or self.wrong(tool, back) <= LARGER * wrong:
-                    break
-                part /= 2
-                if part < SHORTEST or self.predictions >= last:
-                    return False
-            is_first = False
+        n, right = last.tool.normal(x), np.zeros((len(bear) + 1, *u.shape))
+        right[every, nodes] = n
+        right[-1, nodes] = sizes[bear, None] * (tool.normal(x) - n)
+        moved = respond(right)[:, nodes]
+        along, gap = np.einsum("abd,bd->ba", moved, n), tool.gap(x)
+        found = -np.linalg.solve(along[:, :-1], gap + along[:, -1])
+        after = np.maximum(sizes[bear] + found + self._stiffness[bear] * gap, 0.0)
+        shift = np.tensordot(np.append(found, 1.0), moved, 1)
+        return np.asarray(after @ tool.normal(x + shift))

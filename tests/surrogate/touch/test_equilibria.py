@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,8 +12,6 @@ import pytest
 import surrogate
 from shared_schema.tools import Plane, Sphere
 from surrogate.mechanics.quadratic import QuadraticEquilibrium
-from surrogate.touch.body import LoadedBody
-from surrogate.touch.contact_newton import ContactNewton
 from tests.surrogate.mechanics.bodies import MATERIAL, box
 
 DISC, COLUMN = Sphere((3.0, 1.2), 0.3), Sphere((4.05, 0.5), 0.3)
@@ -46,19 +45,14 @@ def test_points_between_the_nodes(mean_dilation: bool) -> None:
     """Quadratic triangles, and Taylor and Hood's: a plane against the end of a clamped box."""
     geometry = replace(box("triangle"), mean_dilation=mean_dilation)
     body = QuadraticEquilibrium(geometry, MATERIAL)
-    surface = np.asarray(geometry.surface_nodes)
-    surface = surface[~geometry.clamped[surface]]
-    still, plane = np.zeros(geometry.coordinates.shape), Plane((1.8, 0.0), (-1.0, 0.0))
-    newton = ContactNewton(body, surface)
-    loaded = LoadedBody(SimpleNamespace(geometry=geometry, equilibrium=body), still)
-    found, force = newton.find(plane, loaded, still, np.zeros((len(surface), 2)))
-    acting = np.zeros_like(still)
-    acting[surface] = force
-    u = body.at_points(found.displacement[None], body.forces_at_points(acting[None]))
+    plane = Plane((1.8, 0.0), (-1.0, 0.0))
+    model: Any = SimpleNamespace(geometry=geometry, equilibrium=body, has_series=True)
+    found = surrogate.Touch(model).correct(plane)
+    u = body.at_points(found.displacement[None], body.forces_at_points(found.force[None]))
     np.testing.assert_allclose((geometry.coordinates + found.displacement)[:, 0].max(), 1.8)
-    r = body.out_of_balance(u, body.forces_at_points(acting[None]))
-    assert np.abs(r).max() < 1e-6 * np.abs(force).max()
-    assert force.sum(axis=0)[0] < -20
+    r = body.out_of_balance(u, body.forces_at_points(found.force[None]))
+    assert np.abs(r).max() < 1e-6 * np.abs(found.force).max()
+    assert found.force.sum(axis=0)[0] < -20
 
 
 def test_from_a_frame_and_from_rest(beam: surrogate.Surrogate) -> None:

@@ -57,19 +57,18 @@ def test_problem_without_a_solution() -> None:
 def test_linear_body_learns(beam: surrogate.Surrogate) -> None:
     """Columns of K⁻¹ at rest; then the changes that it was told, symmetric and positive."""
     surface = beam.geometry.surface_nodes[~beam.geometry.clamped[beam.geometry.surface_nodes]]
-    body, nodes = LinearBody(beam, surface), np.array([5, 9])
-    forces = np.array([(0.1, -0.2), (0.0, 0.3)])
-    whole = np.zeros(beam.geometry.coordinates.shape)
-    whole[surface[nodes]] = forces
-    linear = beam.equilibrium.linear_response(whole[None])[0, surface]
-    np.testing.assert_allclose(body.moved(nodes, forces), linear, atol=1e-12)
+    components = (2 * surface[:, None] + np.arange(2)).ravel()
+    body, forces = LinearBody(beam.equilibrium, components), np.zeros(len(components))
+    forces[[10, 11, 19]] = 0.1, -0.2, 0.3
+    linear = beam.equilibrium.linear_response(body.load(forces[None]))[0].ravel()[components]
+    np.testing.assert_allclose(body.moved(forces), linear, atol=1e-12)
+    np.testing.assert_allclose(body.forces_for(linear), forces, atol=1e-9)
     for share in (0.5, 1.5):  # softer, then stiffer than at rest
-        change = np.zeros((len(surface), 2))
-        change[nodes] = forces * share
-        body.learn(change, linear * (1 + 0.2 * (1 - share)))
-        told = body.moved(nodes, forces * share)
-        np.testing.assert_allclose(told, linear * (1 + 0.2 * (1 - share)), atol=1e-12)
-        everywhere = np.arange(len(surface))
+        effect = linear * share * (1 + 0.2 * (1 - share))
+        body.learn(forces * share, effect)
+        np.testing.assert_allclose(body.moved(forces * share), effect, atol=1e-12)
+        np.testing.assert_allclose(body.forces_for(effect), forces * share, atol=1e-9)
+        everywhere = np.arange(len(components))
         matrix = body.compliance(everywhere, everywhere)
         np.testing.assert_allclose(matrix, matrix.T, atol=1e-12)
         assert np.linalg.eigvalsh(matrix).min() > 0
