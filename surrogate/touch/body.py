@@ -10,7 +10,8 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.common.bodies.command_loads import CommandLoads
+from shared_schema.common.bodies.command_loads import CommandLoads, command_loads
+from shared_schema.common.errors import InputError
 from surrogate.data.geometry import Geometry
 from surrogate.descent.aim import Aim
 from surrogate.descent.driven_body import DrivenBody
@@ -77,9 +78,7 @@ class LoadedBody:
         if isinstance(load, LoadedBody):
             return load
         if not isinstance(load, CommandLoads):
-            from surrogate.inference.given_load import given_load
-
-            load = given_load(model.geometry, load, needed=False)
+            load = given_beside(model.geometry, load)
         between = load.between if load.between.any() else load.between[:0]
         dead = np.concatenate([load.forces, between])
         pressure = FollowerPressure.of_load(load)
@@ -168,3 +167,23 @@ def responses(model: Body, dead: Array, pressure: FollowerPressure | None) -> tu
         nodal = nodal + pressure.load[:, : nodal.shape[1]] * geometry.free
     found, last = model.predictor.under(dead, pressure, nodal)
     return np.asarray(found), np.asarray(last)
+
+
+def given_beside(geometry: Geometry, load: Array | str | Sequence[str]) -> CommandLoads:
+    """Read an array in N, (n_nodes or n_points, d), or texts as ``--load`` takes them."""
+    body = geometry.loaded_body
+    if isinstance(load, str) or (isinstance(load, Sequence) and all(map(_is_text, load))):
+        given = command_loads(body, load, needed=False)
+        if given.surfaces and geometry.pressed is None:
+            raise InputError("load: a pressure, expected forces; the network was trained on these")
+        return given
+    points, nodes, both = geometry.loaded_points, len(geometry.coordinates), np.asarray(load)
+    between = both[nodes:] if points is not None and len(both) == points.count else both[:0]
+    given = CommandLoads(body)
+    given.add_forces(both[: len(both) - len(between)])
+    given.between[: len(between)] = between
+    return given
+
+
+def _is_text(part: object) -> bool:
+    return isinstance(part, str)
