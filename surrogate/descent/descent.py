@@ -136,20 +136,22 @@ def descend(
         balanced = body.is_balanced(state, f)
         enough = trust.are_short(state, estimate, allowed, count) or balanced
         small = aim.tolerance is not None and estimate <= MARGIN * allowed
-        if small and (enough or trust.has_ended(count)):
-            if enough and trust.is_stiff(state):
-                for last in (state.u + d, state.u):
-                    if not body.is_inverted(last):
-                        return last[:nodes], Descent(count, estimate, allowed, reached=True)
-            if aim.has_time(clock() - begun):
-                end = settle(directions, state, aim, lambda: aim.has_time(clock() - begun))
-                ends = count + end.steps, end.estimate, end.allowed, end.reached, end.stable
-                return end.u[:nodes], Descent(*ends)
+        if small and enough and trust.is_stiff(state):
+            for last in (state.u + d, state.u):
+                if not body.is_inverted(last):
+                    return last[:nodes], Descent(count, estimate, allowed, reached=True)
         if balanced or not aim.has_time(clock() - begun):
+            break
+        if small and (enough or trust.has_ended(count)):
             break
         found = directions.step(state, d)
         if found is None and not directions.forget():
             break
         state = found or state
         d = directions.direction(state)
+    if aim.tolerance is not None and aim.has_time(clock() - begun):
+        end = settle(directions, state, aim, lambda: aim.has_time(clock() - begun))
+        if end.reached or end.estimate < least or not end.stable:
+            ends = count + end.steps, end.estimate, end.allowed, end.reached, end.stable
+            return end.u[:nodes], Descent(*ends)
     return best[:nodes], Descent(count, least, allowed, None if aim.tolerance is None else False)

@@ -19,6 +19,7 @@ from collections import deque
 from collections.abc import Callable
 
 import numpy as np
+from numpy.linalg import norm
 from numpy.typing import NDArray
 
 from surrogate.descent.driven_body import DrivenBody, State
@@ -26,6 +27,8 @@ from surrogate.descent.driven_body import DrivenBody, State
 Array = NDArray[np.float64]
 PAIRS = 8  # of steps and changes of r that are kept
 SHORTENINGS = 12  # of a step
+GROWN = 5.0  # of the forces out of balance: most that is left by a step
+LEAST = 0.1  # of a step: what one shortening leaves, where the force along d rises steeply
 TURNED = 0.9  # of the force along a direction: largest one of the other sign after a step
 CURVED = 1e-8  # of the norms of a pair: smallest work of one that is kept
 
@@ -68,14 +71,14 @@ class Directions:
             return None
         for _ in range(SHORTENINGS):
             found = self.body.state(state.u + part * d, self.force)
-            if found is None:
+            if found is None or norm(found.r) > GROWN * norm(state.r):
                 part /= 2
                 continue
             after = float(np.vdot(d, found.r))
             if after <= -TURNED * work:
                 self._remember(part * d, found.r - state.r)
                 return found
-            part *= work / (work - after)  # where the force along d is zero, if it is linear
+            part *= max(LEAST, work / (work - after))  # no force along d there, if it is linear
         return None
 
     def forget(self) -> bool:
