@@ -18,7 +18,7 @@ from torch import Tensor, nn
 
 from shared_schema.common.errors import InputError
 from surrogate.descent.descent import MOST
-from surrogate.descent.directions import CURVED, PAIRS, TURNED
+from surrogate.descent.directions import CURVED, GROWN, LEAST, PAIRS, TURNED
 from surrogate.mechanics.compliance import DENSE
 from surrogate.mechanics.linear_response import LinearResponse
 from surrogate.mechanics.matrices.band_matrix import BandLayout
@@ -99,8 +99,9 @@ class FixedDirections(nn.Module):
             if number < self.count - 1:
                 work, trial = dot(d, r), self._out_of_balance(h + wide(part) * slope, f)
                 after = dot(d, trial)
-                turned = after > -TURNED * work
-                part = torch.where(turned, part * work / (work - after), part)
+                less = torch.where(after > -TURNED * work, work / (work - after), 1.0).clamp(LEAST)
+                grown = dot(trial, trial) > GROWN**2 * dot(r, r)
+                part = part * torch.where(grown, 0.5, less)
                 before, h = r, h + wide(part) * slope
                 r = self._out_of_balance(h, f)
                 pairs.append(self._pair(part[:, None, None] * d, r - before))

@@ -16,6 +16,8 @@ const MARGIN = 0.4; // of the tolerance: largest direction that counts as small
 const IN_A_ROW = 2; // small directions after a step
 const MOST = 100; // directions
 const SHORTENINGS = 12; // of a step
+const GROWN = 5; // of the forces out of balance: most that is left by a step
+const LEAST = 0.1; // of a step: what one shortening leaves, where the force along d rises steeply
 const TURNED = 0.9; // of the force along a direction: largest one of the other sign after a step
 const CURVED = 1e-8; // of the norms of a pair: smallest work of one that is kept
 
@@ -105,9 +107,9 @@ function step(
     const u = plus(state.u, d, part);
     const r = equilibrium.outOfBalance(u, f);
     const after = dot(d, r);
-    if (after <= -TURNED * work) return { u, r };
-    if (Number.isNaN(after)) part /= 2;
-    else part *= work / (work - after); // where the force along d is zero, if it is linear
+    if (Number.isNaN(after) || norm(r) > GROWN * norm(state.r)) part /= 2;
+    else if (after <= -TURNED * work) return { u, r };
+    else part *= Math.max(LEAST, work / (work - after)); // no force along d there, if it is linear
   }
   return null;
 }
