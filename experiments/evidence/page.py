@@ -15,12 +15,10 @@ from shared_schema.common import write_text
 PAGE = ROOT / "docs" / "evidence.md"
 BEGINNING = """# Evidence
 
-What the two programs are required to do, the tests that hold it, and what was measured last. Made
-by `python -m experiments evidence` from
+What the two programs are required to do, the tests that hold it, and what was measured last, with
+the commit and the record. `python -m experiments evidence` makes this page from
 [`requirements.yaml`](../experiments/evidence/requirements.yaml) and the records; a test fails if a
-requirement has no test, or a test or a number is not there. All tests are run by `make test-all`
-and by continuous integration. The commit is that of the measurement; the record that it leads to
-has command, machine and seed.
+test or a number is missing. `make test-all` runs all tests.
 
 [A credibility file](credibility.md) uses this evidence for one context of use.
 """

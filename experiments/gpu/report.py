@@ -58,21 +58,16 @@ def page(records: Mapping[str, Record]) -> str:
 
 def training(numbers: Results) -> str:
     """Samples per second of the plain loop and ours."""
-    rows = [
-        (
-            r["network"],
-            f"{r['batch']}",
-            r["way"],
-            f"{1e3 * r['batch'] / r['samples_per_second']:.2f} ms",
-            f"{r['samples_per_second']:.0f}",
-            f"{r['ratio']:.2f}",
-        )
-        for r in numbers["training"]
-    ]
-    head = ("network", "batch", "loop", "step", "samples / s", "ratio")
+    ways = list(dict.fromkeys(r["way"] for r in numbers["training"]))
+    rates: dict[tuple[str, str], dict[str, str]] = {}
+    for r in numbers["training"]:
+        of = rates.setdefault((r["network"], f"{r['batch']}"), {})
+        of[r["way"]] = f"{r['samples_per_second']:.0f}"
+    rows = ((*which, *(of.get(way, "–") for way in ways)) for which, of in rates.items())
     return (
-        "The plain loop is that of PyTorch's tutorials, whose convolutions use TF32; networks, "
-        "loss and optimiser\nare the same in all.\n\n" + markdown_table(head, rows)
+        "Samples a second by loop. The plain loop is that of PyTorch's tutorials, whose "
+        "convolutions use TF32; networks, loss and optimiser are the same in all.\n\n"
+        + markdown_table(("network", "batch", *ways), rows)
     )
 
 
@@ -130,7 +125,7 @@ def predictions(numbers: Results) -> str:
     """Times of U-Nets, of one load and of the largest batch."""
     rows = []
     for r in numbers["latencies"]:
-        if "float32_ms" in r and r["batch"] in (1, 64, 4096):
+        if "float32_ms" in r and r["batch"] in (1, 4096):
             rows.append(
                 (
                     f"{r['case']}, {r['recipe']}",
@@ -151,7 +146,8 @@ def predictions(numbers: Results) -> str:
 
 
 def package(numbers: Results) -> str:
-    """Times of the package's networks."""
+    """Times of the package's networks, of one load and of the largest batch."""
+    largest = {r["name"]: r["batch"] for r in numbers["responses"]}  # batches grow
     rows = [
         (
             f"`{r['name']}`",
@@ -162,6 +158,7 @@ def package(numbers: Results) -> str:
             f"{r['relative_difference']:.0e}",
         )
         for r in numbers["responses"]
+        if r["batch"] in (1, largest[r["name"]])
     ]
     head = ("network", "loads", "prediction", "fast bounds", "directions", "difference")
     return (
@@ -204,7 +201,6 @@ def limits(numbers: Results) -> str:
     rows = [
         (
             s["network"],
-            s["precision"],
             "graph" if s["graphs"] else "eager",
             f"{s['step_ms']:.2f} ms",
             f"{s['times_ms']['kernels']:.2f} ms",
@@ -213,11 +209,12 @@ def limits(numbers: Results) -> str:
             f"{s['least_ms']['bytes']:.3f} ms",
         )
         for s in numbers["steps"]
+        if s["precision"] == "tensorfloat32"
     ]
-    head = ("network", "precision", "way", "step", "kernels", "number", "FLOP", "bytes")
+    head = ("network", "way", "step", "kernels", "number", "FLOP", "bytes")
     return (
-        "Steps on a batch of 4. The last columns are the least times of a step's FLOP and bytes, "
-        "at rates that\nare measured on the same card "
+        "Steps on a batch of 4 in TF32. The last columns are the least times of a step's FLOP and "
+        "bytes, at rates measured on the same card "
         f"({numbers['ceilings']['bytes_per_second'] / 1e12:.1f} TB/s, "
         f"{numbers['ceilings']['flop_per_second']['tensorfloat32'] / 1e12:.0f} TFLOP/s in TF32)."
         "\n\n" + markdown_table(head, rows) + "\n"
