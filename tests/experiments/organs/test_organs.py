@@ -36,9 +36,9 @@ def test_runs_of_the_shipped_scales(name: str) -> None:
 
 def test_rows_of_nodes_are_made_of_the_same_solutions(tmp_path: Path) -> None:
     commands = list(missing_data(read_scale("smoke", ORGANS.scales), tmp_path))
-    nodal = tmp_path / "breast3d-60" / "nodal"
+    nodal = tmp_path / "breast3d-24" / "nodal"
     assert sum("datagen run breast3d" in line for line in commands) == 1
-    row = tmp_path / "breast3d-60-nodes" / "structured"
+    row = tmp_path / "breast3d-24-nodes" / "structured"
     assert f"datagen structure {nodal} --out {row} --grid nodes" in commands
     with pytest.raises(ValueError, match="grid: nodes"):
         DatasetSpec(case="breast3d", grid="nodes")
