@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import rankdata
 
 from shared_schema import NeoHookean
 from shared_schema.common import WorkError
@@ -204,10 +205,9 @@ def true_errors(judged: Judged) -> Array:
 
 def auroc(inside: Array, outside: Array) -> float:
     """Probability that a score outside is above one inside; ties count half."""
-    from sklearn.metrics import roc_auc_score
-
-    labels = np.repeat([0, 1], [len(inside), len(outside)])
-    return float(roc_auc_score(labels, np.concatenate([inside, outside])))
+    ranks = rankdata(np.concatenate([inside, outside]))[len(inside) :]
+    count = len(outside)
+    return float((ranks.sum() - count * (count + 1) / 2) / (count * len(inside)))
 
 
 def auroc_of_errors(error: Array, score: Array, tolerance: float) -> float | None:
