@@ -17,6 +17,7 @@ from shared_schema.common.solution_file import write_solution
 from shared_schema.tools import Tool, parse_tool, require_outside
 from surrogate.data.geometry import Geometry
 from surrogate.identification.candidates import Candidate
+from surrogate.identification.equilibrium_response import moduli_of_zones
 from surrogate.identification.markers import Markers, read_markers
 from surrogate.identification.misfit import SUSPECT, noise_probability
 from surrogate.identification.search import Finished, Search
@@ -30,7 +31,6 @@ from surrogate.identification.unknowns import (
     radii_of,
     zones_of,
 )
-from surrogate.identification.zoned_response import moduli_of_zones
 from surrogate.inference.given_load import given_load
 from surrogate.inference.stiffness import modulus_at_rest
 from surrogate.inference.surrogate import Surrogate

@@ -1,21 +1,19 @@
-"""Displacement fields of sought parameters, and their derivatives: by predictions, or exactly."""
+"""Displacement fields of sought parameters, and their derivatives, by predictions."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from shared_schema.common.errors import WorkError
-from surrogate.certify.correction import correct
 from surrogate.identification.least_squares import Model
 from surrogate.identification.unknowns import Unknowns
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.touch import body as touch
+from surrogate.touch.body import predicted
 
 Array = NDArray[np.float64]
 
@@ -43,6 +41,8 @@ class Response(ABC):
         What is added to the displacements in m, such as the negative of their estimated error.
     """
 
+    difference: ClassVar[float] = DIFFERENCE
+
     def __init__(
         self,
         body: Body,
@@ -63,9 +63,14 @@ class Response(ABC):
     def field(self, theta: Array) -> Array:
         """u(θ) in m, (n_nodes, d)."""
 
-    @abstractmethod
+    def fields(self, thetas: Array) -> Array:
+        """u(θ) in m of N sets of parameters, (N, p) → (N, n_nodes, d)."""
+        return np.array([self.field(theta) for theta in thetas])
+
     def slopes(self, theta: Array, field: Array) -> Array:
-        """∂u/∂θ, (n_nodes, d, p)."""
+        """∂u/∂θ, (n_nodes, d, p), by forward differences."""
+        steps = self.difference * self.scale
+        return differences(self.fields(theta + np.diag(steps)), field - self._shift, steps)
 
     def forces(self, theta: Array) -> Array:
         """Dead forces of u(θ) in N, (n_nodes or n_points, d)."""
@@ -87,62 +92,12 @@ class PredictedResponse(Response):
 
     def field(self, theta: Array) -> Array:
         """u(θ) in m."""
-        return predicted(self.body, self.unknowns, theta[None])[0]
+        return np.asarray(self.fields(theta[None])[0])
 
-    def slopes(self, theta: Array, field: Array) -> Array:
-        """∂u/∂θ."""
-        steps = DIFFERENCE * self.scale
-        ahead = predicted(self.body, self.unknowns, theta + np.diag(steps))
-        return differences(ahead, field - self._shift, steps)
-
-
-class ExactResponse(Response):
-    r"""Equilibria of the finite elements, and their slopes.
-
-    .. math:: \frac{∂u}{∂θ} = K(u)^{-1} \Big(\frac{∂f}{∂θ} + \frac{∂f_p(u)}{∂θ}\Big)
-    """
-
-    def field(self, theta: Array) -> Array:
-        """u(θ) in m."""
-        unknowns, start = self.unknowns, predicted(self.body, self.unknowns, theta[None])[0]
-        body = self.body.under(unknowns.pressure(theta))
-        return correct(body, unknowns.forces(theta), start).displacement
-
-    def slopes(self, theta: Array, field: Array) -> Array:
-        """∂u/∂θ; WorkError if the equilibrium is not stable."""
-        body, unknowns = self.body.under(self.unknowns.pressure(theta)), self.unknowns
-        f = body.forces_at_points(unknowns.forces(theta)[None])
-        u = body.at_points(field[None], f)
-        respond = body.response_at(u[0])
-        if respond is None:
-            raise WorkError("the equilibrium that fits the markers is not stable")
-        forces = unit_forces(body, unknowns, u)
-        if unknowns.softens:
-            forces = np.exp(-theta[-1]) * forces
-            forces = np.concatenate([forces, -body.external(u, f)])
-        rates = respond(forces)
-        return np.asarray(np.moveaxis(rates[:, : body.nodes], 0, -1))
-
-
-def predicted(body: Body, unknowns: Unknowns, thetas: Array) -> Array:
-    """u(θ) in m by predictions, of N sets of parameters: (N, p) → (N, n_nodes, d)."""
-    return touch.predicted(body, unknowns.forces(thetas), unknowns.pressure(thetas))
-
-
-def unit_forces(body: Equilibrium, unknowns: Unknowns, u: Array) -> Array:
-    """Unit forces and pressures at a displacement of all points in m, (1, n_points, d).
-
-    Returns
-    -------
-    array, (K + Q, n_points, d)
-        In N, on all points.
-    """
-    forces = body.forces_at_points(unknowns.patterns)
-    if unknowns.pressures is None:
-        return forces
-    units = replace(unknowns.pressures[slice(1, None)], coordinates=body.geometry.coordinates)
-    pushed = units.forces(np.broadcast_to(u, (len(units.pressures), *u.shape[1:])))
-    return np.concatenate([forces, pushed])
+    def fields(self, thetas: Array) -> Array:
+        """u(θ) in m of all sets of parameters at once."""
+        unknowns = self.unknowns
+        return predicted(self.body, unknowns.forces(thetas), unknowns.pressure(thetas))
 
 
 def differences(ahead: Array, field: Array, steps: Array) -> Array:

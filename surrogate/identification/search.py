@@ -15,17 +15,12 @@ from surrogate.certify.full_certificate import certify
 from surrogate.descent import Aim
 from surrogate.descent.driven_body import longest
 from surrogate.identification.candidates import Candidate, Start, likely_candidates
+from surrogate.identification.equilibrium_response import EquilibriumResponse
 from surrogate.identification.least_squares import Fit, fit, refit
 from surrogate.identification.place import Places, best_place
-from surrogate.identification.responses import (
-    Body,
-    ExactResponse,
-    PredictedResponse,
-    Response,
-)
+from surrogate.identification.responses import Body, PredictedResponse, Response
 from surrogate.identification.tool_response import CONTACT, ToolResponse
 from surrogate.identification.unknowns import SOMEWHERE, Unknowns
-from surrogate.identification.zoned_response import ZonedResponse
 from surrogate.mechanics.follower_pressure import FollowerPressure
 from surrogate.touch import Touch
 
@@ -142,9 +137,9 @@ class Search:
         """
         given, theta = (self._body, best.unknowns, self._at_markers, best.scale), best.fit.theta
         if best.unknowns.zones:
-            return Finished(best.fit, 0.0, ZonedResponse(*given).at_rest(theta))
+            return Finished(best.fit, 0.0, EquilibriumResponse(*given).at_rest(theta))
         if confirm:
-            exact = ExactResponse(*given)
+            exact = EquilibriumResponse(*given)
             found = self._refitted(exact, best.fit, exact.field(theta))
             return Finished(found, 0.0, exact.at_rest(found.theta))
         response = self._response(best.unknowns, best.scale)
@@ -188,7 +183,7 @@ class Search:
         given = self._body, unknowns, self._at_markers, scale, shift
         if unknowns.tool is not None:
             return ToolResponse(self._touch, *given)
-        return ZonedResponse(*given) if unknowns.zones else PredictedResponse(*given)
+        return EquilibriumResponse(*given) if unknowns.zones else PredictedResponse(*given)
 
     @cached_property
     def _touch(self) -> Touch:

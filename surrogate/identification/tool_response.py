@@ -29,6 +29,8 @@ class ToolResponse(Response):
         As `Response` takes them.
     """
 
+    difference = DIFFERENCE
+
     def __init__(self, touch: Touch, *given: Any) -> None:
         super().__init__(*given)
         self._touch = touch
@@ -39,13 +41,6 @@ class ToolResponse(Response):
             return self._frame(theta).displacement
         except (InputError, WorkError):  # the tool may not be there
             return np.full(self.body.geometry.coordinates.shape, np.nan)
-
-    def slopes(self, theta: Array, field: Array) -> Array:
-        """∂u/∂θ."""
-        steps, here = DIFFERENCE * self.scale, field - self._shift
-        moved = [self.field(theta + step) for step in np.diag(steps)]
-        rates = (np.array(moved) - here) / steps[:, None, None]
-        return np.asarray(np.moveaxis(rates, 0, -1))
 
     def forces(self, theta: Array) -> Array:
         """Forces of the tool, and those that are known, in N."""

@@ -14,8 +14,8 @@ from shared_schema.common.errors import InputError, WorkError
 from surrogate import Markers, identify
 from surrogate.command_line import main
 from surrogate.data.dataset import Dataset
+from surrogate.identification.equilibrium_response import EquilibriumResponse
 from surrogate.identification.unknowns import Unknowns
-from surrogate.identification.zoned_response import ZonedResponse
 from surrogate.inference.given_load import given_load
 from tests.surrogate.mechanics.bodies import with_zones
 
@@ -88,7 +88,7 @@ def test_slopes_are_those_of_differences(body: surrogate.Surrogate) -> None:
     known = given_load(geometry, load_of(body))
     unknowns = Unknowns.of(geometry, ZONES, known, np.array([500.0, 500.0]))
     one = np.ones((1, len(geometry.coordinates)))
-    response = ZonedResponse(body, unknowns, csr_array(one), np.ones(2))
+    response = EquilibriumResponse(body, unknowns, csr_array(one), np.ones(2))
     theta = np.array([-0.3, 0.4])
     slopes = response.slopes(theta, response.field(theta))
     for number in range(2):
