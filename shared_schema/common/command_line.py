@@ -229,7 +229,7 @@ def run_command(program: str, command: Callable[[], None], speaks: bool = True) 
         return nobody_reads()
     except InputError as error:
         if speaks:
-            print(f"{program}: error: {error}", file=sys.stderr)
+            print(f"{program}: error: {error.of_command}", file=sys.stderr)
         return WRONG_INPUT
     except NotCertifiedError as error:
         print(f"{program}: not certified: {error}", file=sys.stderr)

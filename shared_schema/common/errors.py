@@ -22,7 +22,25 @@ def first_line(error: BaseException) -> str:
 
 
 class InputError(Exception):
-    """The user's input is wrong; the message is the one line that the user sees (exit code 2)."""
+    """The user's input is wrong; the message is the one line that the user sees (exit code 2).
+
+    Parameters
+    ----------
+    message : str
+    argument : str
+        Name of an argument in Python with which the message begins.
+    """
+
+    def __init__(self, message: str = "", argument: str = "") -> None:
+        super().__init__(message)
+        self.argument = argument
+
+    @property
+    def of_command(self) -> str:
+        """The message of a command, whose options are named as the arguments are."""
+        named = self.argument
+        option = f"--{named.replace('_', '-')}" if named else ""
+        return option + str(self).removeprefix(named)
 
 
 class StoppedError(Exception):

@@ -55,4 +55,4 @@ def require_positive(name: str, value: float | None) -> None:
     """Raise InputError unless a number is positive and finite, or None."""
     require_type(name, value, float | None)
     if value is not None and not 0 < value < math.inf:
-        raise InputError(f"--{name} {value}: expected a positive number")
+        raise InputError(f"{name} {value}: expected a positive number", name)

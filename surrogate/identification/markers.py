@@ -89,7 +89,10 @@ def read_markers(path: Path, dimension: int) -> Markers:
         That names the file, and the line that is wrong.
     """
     expected = "X,Y,x,y" if dimension == 2 else "X,Y,Z,x,y,z"
-    lines = text_lines(path, "--markers")
+    try:
+        lines = text_lines(path, "markers")
+    except InputError as error:
+        raise InputError(str(error), "markers") from None
     rows = []
     for number, line in enumerate(lines, 1):
         if not line.strip() or line.startswith("#"):
@@ -102,10 +105,11 @@ def read_markers(path: Path, dimension: int) -> Markers:
                 continue  # names of the columns
             values = []
         if len(values) != 2 * dimension:
-            raise InputError(f"--markers '{path}': line {number}: expected {expected}")
+            said = f"markers '{path}': line {number}: expected {expected}"
+            raise InputError(said, "markers")
         rows.append(values)
     table = np.array(rows, dtype=np.float64).reshape(-1, 2 * dimension)
     try:
         return Markers.of(table[:, :dimension], table[:, dimension:])
     except InputError as error:
-        raise InputError(f"--markers '{path}': {error}") from None
+        raise InputError(f"markers '{path}': {error}", "markers") from None

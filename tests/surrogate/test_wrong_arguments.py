@@ -99,10 +99,10 @@ def test_batches_and_no_loads(model: surrogate.Surrogate) -> None:
         ({"certify": "quick"}, "certify = 'quick': expected 'fast' or 'full'"),
         ({"certify": True}, "certify = True: expected 'fast' or 'full'"),
         ({"certify": "full", "tolerance": "1"}, "tolerance = '1': expected a number"),
-        ({"certify": "full", "tolerance": -1.0}, "--tolerance -1.0: expected a positive number"),
+        ({"certify": "full", "tolerance": -1.0}, "tolerance -1.0: expected a positive number"),
         (
             {"certify": "full", "tolerance": float("nan")},
-            "--tolerance nan: expected a positive number",
+            "tolerance nan: expected a positive number",
         ),
         ({"certify": "fast", "level": "a"}, "level = 'a': expected a number"),
         ({"conformal": "x"}, "conformal = 'x': expected 'marginal' or 'simultaneous'"),

@@ -242,5 +242,10 @@ def test_command(
     for wrong, said in (("1,2,3", "line 1: expected X,Y,x,y"), ("1,0.5,a,b", "none is seen")):
         path.write_text(wrong)
         assert main([*words, "--markers", str(path)]) == 2
-        assert said in capsys.readouterr().err
+        error = capsys.readouterr().err
+        assert f"error: --markers '{path}': " in error
+        assert said in error
     assert main([*words, "--markers", str(tmp_path / "none.csv")]) == 2
+    assert f"error: --markers '{tmp_path / 'none.csv'}': " in capsys.readouterr().err
+    with pytest.raises(InputError, match=r"^markers '"):
+        identify(beam, tmp_path / "none.csv", ["4,1"])

@@ -175,6 +175,8 @@ def test_wrong_tools(beam: surrogate.Surrogate, tool: Any, said: str) -> None:
 
 
 def test_refusals(beam: surrogate.Surrogate) -> None:
+    with pytest.raises(InputError, match=r"^tolerance -1: expected a positive number"):
+        surrogate.Touch(beam, tolerance=-1)
     with pytest.raises(InputError, match="expected one of them"):
         beam.solve(tool=DISC, held={"4,1": (0, 0)})
     with pytest.raises(WorkError, match="inside the tool, expected one that comes from outside"):
