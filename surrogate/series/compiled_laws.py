@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.materials import ZERO
-from surrogate.mechanics.compiled.fields import Array, compiled
+from surrogate.mechanics.compiled.fields import Array, inner
 from surrogate.mechanics.compiled.tapes import (
     EXP,
     LN,
@@ -76,7 +76,7 @@ class Laws(NamedTuple):
         )
 
 
-@compiled
+@inner
 def next_coefficients(k: int, number: int, laws: Laws, slots: Array) -> None:
     """Run the stress tape of a law for the coefficients of order k.
 

@@ -16,11 +16,8 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from surrogate.mechanics.compiled.cells import Cells
-from surrogate.mechanics.compiled.fields import (
-    Array,
-    compiled,
-    largest,
-)
+from surrogate.mechanics.compiled.fields import Array, compiled, inner, largest
+from surrogate.mechanics.compiled.tapes import Doubles
 from surrogate.mechanics.solids.solid import Solid
 from surrogate.series.compiled_laws import Laws
 from surrogate.series.compiled_terms import Terms, add_term, room_for_terms
@@ -30,15 +27,6 @@ from surrogate.series.load_threads import in_threads
 SMALL = 1e-5  # gradients whose sum of terms, all weights 1, is right to rounding
 EPS = float(np.finfo(np.float64).eps)
 SOLVED = 16  # loads that are solved for together: 10 MB each on 4000 nodes in space
-
-
-@compiled
-def is_small(terms: Terms, load: int) -> bool:
-    """Tell whether the sum of the terms needs no other weights, from H₁."""
-    found = 0.0
-    for row in range(terms.h.shape[1]):
-        found = max(found, largest(terms.h[load, row, 0].ravel()))
-    return found <= SMALL
 
 
 class SeriesBody(NamedTuple):
@@ -73,6 +61,21 @@ class SeriesBody(NamedTuple):
         at_rest = [float(law.energy(law.at_rest)[0]) for law in laws]
         lame = [(material.lame_lambda, material.lame_mu) for material in materials]
         return cls(cells, Laws.of(laws), np.array([*np.array(lame).T, at_rest]))
+
+
+@inner
+def weights_of(terms: Terms, load: int, body: SeriesBody, rounding: float) -> Doubles:
+    """Weights of the terms of a load, (n,): 1 if H₁ is small, else those of the least energy."""
+    found = 0.0
+    for row in range(terms.h.shape[1]):
+        found = max(found, largest(terms.h[load, row, 0].ravel()))
+    if found <= SMALL:
+        return np.ones(terms.h.shape[2])
+    cells, laws, moduli = body
+    return least_energy(potential_of_terms(terms.h[load], cells, laws, moduli), rounding)
+
+
+add_next_term, weights_of_load = compiled(add_term), compiled(weights_of)
 
 
 class CompiledSeries:
@@ -124,18 +127,17 @@ class CompiledSeries:
 
     def _of_some(self, first: Array, terms: Terms) -> tuple[Array, Array]:
         """The same of a few, with room for their terms."""
-        (cells, laws, moduli), count = self.body, len(first)
+        (cells, laws, _), count = self.body, len(first)
         order, eps = self.order, float(np.finfo(first.dtype).eps)
         every, forces = np.zeros((order, *first.shape), first.dtype), np.zeros_like(first)
         every[0], c = first, np.ones((count, order))
 
         def add(k: int, some: slice) -> None:
-            add_term(k, cells, laws, every[k - 1, some], terms.of(some), forces[some])
+            add_next_term(k, cells, laws, every[k - 1, some], terms.of(some), forces[some])
 
         def combine(some: slice) -> None:
             for n in range(some.start, some.stop):
-                if not is_small(terms, n):
-                    c[n] = least_energy(potential_of_terms(terms.h[n], cells, laws, moduli), eps)
+                c[n] = weights_of_load(terms, n, self.body, eps)
 
         for k in range(1, order + 1):
             if k > 1:

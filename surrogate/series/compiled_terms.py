@@ -23,7 +23,7 @@ from surrogate.mechanics.compiled.fields import (
     add_cross_product,
     add_linear_cofactors,
     add_trace,
-    compiled,
+    inner,
 )
 from surrogate.series.compiled_laws import I1, I2, THETA, Laws, next_coefficients
 
@@ -61,7 +61,7 @@ def room_for_terms(loads: int, order: int, cells: Cells, laws: Laws) -> Terms:
     return Terms(np.empty(shape, kind), np.empty(shape, kind), x, slots)
 
 
-@compiled
+@inner
 def next_stress(
     k: int, terms: Terms, load: int, row: int, number: int, laws: Laws, stress: Array
 ) -> None:
@@ -152,7 +152,7 @@ def next_stress(
                 stress[a, a, q] += unit * by[q]
 
 
-@compiled
+@inner
 def _add_turned(h: Array, out: Array) -> None:
     """Add cof(H) × I + I × H, with the linear cofactors of H: (d, d, n_points) → same."""
     turned = np.zeros_like(h)
@@ -161,7 +161,7 @@ def _add_turned(h: Array, out: Array) -> None:
     add_linear_cofactors(h, out)
 
 
-@compiled
+@inner
 def add_term(k: int, cells: Cells, laws: Laws, u: Array, terms: Terms, forces: Array) -> None:
     """Set Hₖ, and add the forces of what it adds to the next stress, turned around.
 

@@ -34,7 +34,7 @@ from surrogate.mechanics.compiled.fields import (
     add_linear_cofactors,
     add_multiple,
     add_trace,
-    compiled,
+    inner,
     product_of,
     rough_product,
 )
@@ -75,7 +75,7 @@ class Potential(NamedTuple):
     at_rest: Doubles
 
 
-@compiled
+@inner
 def potential_of_terms(h: Array, cells: Cells, laws: Laws, moduli: Doubles) -> Potential:
     """Make Π of Hₖ, (n_rows, n, d, d, n_points).
 
@@ -119,7 +119,7 @@ def potential_of_terms(h: Array, cells: Cells, laws: Laws, moduli: Doubles) -> P
     return Potential(h, cells, laws, squares, works, moduli[2])
 
 
-@compiled
+@inner
 def energy_at(c: Doubles, potential: Potential, gradient: Doubles, hessian: Doubles) -> float:
     """Return Π, and write its derivatives; +∞ without them where J is not positive at a point.
 
@@ -287,7 +287,7 @@ def energy_at(c: Doubles, potential: Potential, gradient: Doubles, hessian: Doub
     return energy
 
 
-@compiled
+@inner
 def _weighted(
     output: int, number: int, tapes: Tapes, slots: Doubles, weights: Array, out: Array
 ) -> None:
@@ -303,7 +303,7 @@ def _weighted(
             out[q] = weights[q] * values[q]
 
 
-@compiled
+@inner
 def _sum_of_first(
     number: int, tapes: Tapes, slots: Doubles, weights: Array, second: bool, out: Array
 ) -> None:
@@ -324,7 +324,7 @@ def _sum_of_first(
         out[q] = weights[q] * total[q]
 
 
-@compiled
+@inner
 def pair(a: int, b: int) -> int:
     """Number of the output that is the second derivative by I₁, I₂ or J, and one of them."""
     low, high = min(a, b), max(a, b)
@@ -332,14 +332,14 @@ def pair(a: int, b: int) -> int:
     return 1 + count + low * count - low * (low - 1) // 2 + high - low
 
 
-@compiled
+@inner
 def _is_pair(tapes: Tapes, number: int, a: int, b: int) -> bool:
     """Whether a second derivative is not zero."""
     output = pair(a, b)
     return tapes.outputs[number, output] >= 0 or tapes.fixed[number, output] != 0
 
 
-@compiled
+@inner
 def newton_step(
     gradient: Doubles, hessian: Doubles, scale: Doubles, shift: float, step: Doubles
 ) -> None:
@@ -363,7 +363,7 @@ def newton_step(
         step[p] /= matrix[p, p]
 
 
-@compiled
+@inner
 def least_energy(potential: Potential, rounding: float) -> Doubles:
     """Return the coefficients of the least Π, (n,).
 

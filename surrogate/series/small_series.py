@@ -19,9 +19,8 @@ from surrogate.mechanics.compiled.fields import (
     longest,
 )
 from surrogate.mechanics.solids.solid import Solid
-from surrogate.series.compiled_series import EPS, SeriesBody, is_small
+from surrogate.series.compiled_series import EPS, SeriesBody, weights_of
 from surrogate.series.compiled_terms import Terms, add_term, room_for_terms
-from surrogate.series.compiled_weights import least_energy, potential_of_terms
 from surrogate.series.load_threads import in_threads
 
 MOST = 2**22  # products of degrees of freedom and values of a field: 32 MB
@@ -97,18 +96,17 @@ def small_series(loads: Array, small: SmallBody, terms: Terms) -> tuple[Array, A
     lengths : array, (N,)
         Largest displacement of a point in the last term, in m.
     """
-    cells, laws, moduli = small.body
+    cells, laws, _ = small.body
     displacements, lengths = np.zeros(loads.shape), np.zeros(len(loads))
     order = terms.h.shape[2]
     for load in range(len(loads)):
-        u, c = np.zeros((order, 1, *loads.shape[1:])), np.ones(order)
+        u = np.zeros((order, 1, *loads.shape[1:]))
         forces = loads[load : load + 1].copy()
         for k in range(order):
             add_weighted_rows(forces.ravel(), small.response, u[k].ravel())
             forces[:] = 0
             add_term(k + 1, cells, laws, u[k], terms, forces)
-        if not is_small(terms, 0):
-            c = least_energy(potential_of_terms(terms.h[0], cells, laws, moduli), EPS)
+        c = weights_of(terms, 0, small.body, EPS)
         for k in range(order):
             add_multiple(c[k], u[k].ravel(), displacements[load].ravel())
         lengths[load] = abs(c[order - 1]) * longest(u[order - 1, 0])

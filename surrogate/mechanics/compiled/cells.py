@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.mechanics.compiled.fields import Array, compiled
+from surrogate.mechanics.compiled.fields import Array, inner
 
 ROW = 256  # cells of a block, at most
 ALIGNED = 8  # their number is a multiple
@@ -133,7 +133,7 @@ def _by_row(values: Array, order: NDArray[np.int64]) -> Array:
     return np.ascontiguousarray(np.moveaxis(found, 1, -1))
 
 
-@compiled
+@inner
 def at_corners(nodes: NDArray[np.int64], u: Array, out: Array) -> None:
     """Write values at the corners of a block: (n_nodes, d) → (n_corners, d, n)."""
     for a in range(len(nodes)):
@@ -142,7 +142,7 @@ def at_corners(nodes: NDArray[np.int64], u: Array, out: Array) -> None:
                 out[a, i, c] = u[nodes[a, c], i]
 
 
-@compiled
+@inner
 def add_at_nodes(nodes: NDArray[np.int64], values: Array, out: Array) -> None:
     """Add values of the corners of a block: (n_corners, d, n) → (n_nodes, d)."""
     for a in range(len(nodes)):
@@ -151,7 +151,7 @@ def add_at_nodes(nodes: NDArray[np.int64], values: Array, out: Array) -> None:
                 out[nodes[a, c], i] += values[a, i, c]
 
 
-@compiled
+@inner
 def add_four(a: Array, b: Array, i: int, j: int, out: Array) -> None:
     """Add the products of four rows, [k, i] and [k, j] of (4, d, n) each, to a row."""
     a0, a1, a2, a3 = a[0, i], a[1, i], a[2, i], a[3, i]
@@ -160,7 +160,7 @@ def add_four(a: Array, b: Array, i: int, j: int, out: Array) -> None:
         out[q] += a0[q] * b0[q] + a1[q] * b1[q] + a2[q] * b2[q] + a3[q] * b3[q]
 
 
-@compiled
+@inner
 def slopes_of(gradients: Array, u: Array, out: Array) -> None:
     """Write the gradients at a point of every cell: (n_corners, d, n) twice → (d, d, n)."""
     corners, d, _ = gradients.shape
@@ -171,7 +171,7 @@ def slopes_of(gradients: Array, u: Array, out: Array) -> None:
                 add_four(u[a : a + CORNERS], gradients[a : a + CORNERS], i, j, out[i, j])
 
 
-@compiled
+@inner
 def add_forces(gradients: Array, stress: Array, out: Array) -> None:
     """Add forces of a weighted stress: (n_corners, d, n), (d, d, n) → (n_corners, d, n)."""
     corners, d, row = gradients.shape

@@ -10,12 +10,16 @@ same time one would later find the other's code under its own name.
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from filelock import FileLock
 from numba import njit
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.extending import register_jitable
 from numpy.typing import NDArray
 
 Array = NDArray[Any]  # of one precision
@@ -31,7 +35,64 @@ def compiled(function: Function) -> Function:
         made = njit(function, nogil=True, fastmath=SUMS, error_model="numpy")
     else:
         _save_one_at_a_time(made._cache)
+    _compile_at_one_go(made._compiler)
     return cast(Function, made)
+
+
+def inner(function: Function) -> Function:
+    """Let a function be a part of the compiled ones that call it; Python calls it as it is.
+
+    Numba would optimise such a function, write its machine code, and then optimise it once more
+    within each caller.
+    """
+    as_part = register_jitable(pipeline_class=_Parts, fastmath=SUMS, error_model="numpy")
+    return as_part(function)
+
+
+class _Part(JITCodeLibrary):
+    """Code that is linked into that of callers; what calls other code is optimised there alone."""
+
+    def _optimize_final_module(self) -> None:
+        if not self._linking_libraries:
+            super()._optimize_final_module()  # type: ignore[no-untyped-call]
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()  # type: ignore[no-untyped-call]
+        self._finalized = True
+
+
+class _Parts(CompilerBase):
+    """Numba's compiler, as far as code that is linked into that of callers."""
+
+    def define_pipelines(self) -> list[Any]:
+        """The usual passes, into a part."""
+        state = self.state
+        state.flags.no_compile = True
+        state.library = _Part(state.targetctx.codegen(), state.func_id.func_qualname)  # type: ignore[no-untyped-call]
+        return [DefaultPassBuilder.define_nopython_pipeline(state)]  # type: ignore[no-untyped-call]
+
+    def compile_extra(self, func: object) -> Any:
+        """Compile, and let callers find the part by a key that no other has."""
+        part: Any = super().compile_extra(func)  # type: ignore[no-untyped-call]
+        part = part._replace(entry_point=[].append)
+        self.state.targetctx.insert_user_function(part.entry_point, part.fndesc, [part.library])
+        return part
+
+
+def _compile_at_one_go(compiler: Any) -> None:
+    """Let Python look for garbage after a compilation: before, that takes a quarter of the time."""
+    compile_ = compiler.compile
+
+    def compile_at_one_go(*of: object) -> object:
+        collects = gc.isenabled()
+        gc.disable()
+        try:
+            return compile_(*of)
+        finally:
+            if collects:
+                gc.enable()
+
+    compiler.compile = compile_at_one_go
 
 
 def _save_one_at_a_time(kept: Any) -> None:
@@ -45,7 +106,7 @@ def _save_one_at_a_time(kept: Any) -> None:
     kept.save_overload = save_alone
 
 
-@compiled
+@inner
 def add_trace(factor: float, a: Array, out: Array) -> None:
     """Add x tr A: (d, d, n_points) → (n_points,)."""
     x = out.dtype.type(factor)  # numbers in double precision would make all sums double
@@ -54,7 +115,7 @@ def add_trace(factor: float, a: Array, out: Array) -> None:
             out[q] += x * a[i, i, q]
 
 
-@compiled
+@inner
 def add_linear_cofactors(a: Array, out: Array) -> None:
     """Add (tr A) I - Aᵀ: (d, d, n_points) → same."""
     d, _, points = a.shape
@@ -70,7 +131,7 @@ def add_linear_cofactors(a: Array, out: Array) -> None:
                     out[i, j, q] -= a[j, i, q]
 
 
-@compiled
+@inner
 def add_cross_product(factor: float, a: Array, b: Array, out: Array) -> None:
     """Add x A × B in space: (3, 3, n_points) twice → same; A × A = 2 cof A."""
     x = out.dtype.type(factor)
@@ -85,7 +146,7 @@ def add_cross_product(factor: float, a: Array, b: Array, out: Array) -> None:
                 total[q] += x * (a0[q] * b0[q] - a1[q] * b1[q] - a2[q] * b2[q] + a3[q] * b3[q])
 
 
-@compiled
+@inner
 def add_cross(factor: float, a: Array, b: Array, out: Array) -> None:
     """Add x A × B, in the plane x ((tr B) I - Bᵀ): (d, d, n_points) twice → same."""
     if len(b) == 3:
@@ -100,7 +161,7 @@ def add_cross(factor: float, a: Array, b: Array, out: Array) -> None:
                 total[q] += sign * row[q]
 
 
-@compiled
+@inner
 def add_contraction(factor: float, a: Array, b: Array, out: Array) -> None:
     """Add x A : B: (d, d, n_points) twice → (n_points,)."""
     x, d = out.dtype.type(factor), len(a)
@@ -115,7 +176,7 @@ def add_contraction(factor: float, a: Array, b: Array, out: Array) -> None:
                 out[q] += x * (a0[q] * b0[q] + a1[q] * b1[q])
 
 
-@compiled
+@inner
 def add_multiple(factor: float, a: Array, out: Array) -> None:
     """Add x A: (n,) → same."""
     x = out.dtype.type(factor)
@@ -123,7 +184,7 @@ def add_multiple(factor: float, a: Array, out: Array) -> None:
         out[q] += x * a[q]
 
 
-@compiled
+@inner
 def product_of(a: Array, b: Array) -> float:
     """Sum of products: (n,) twice → number in double precision."""
     total = 0.0
@@ -132,7 +193,7 @@ def product_of(a: Array, b: Array) -> float:
     return total
 
 
-@compiled
+@inner
 def rough_product(a: Array, b: Array) -> float:
     """The same, added up in the precision of the fields: faster."""
     total = a.dtype.type(0)
@@ -141,7 +202,7 @@ def rough_product(a: Array, b: Array) -> float:
     return float(total)
 
 
-@compiled
+@inner
 def largest(a: Array) -> float:
     """Largest absolute value: (n,) → number."""
     found = 0.0
@@ -150,7 +211,7 @@ def largest(a: Array) -> float:
     return found
 
 
-@compiled
+@inner
 def longest(a: Array) -> float:
     """Largest Euclidean norm of a row: (n, d) → number."""
     found = 0.0
@@ -162,7 +223,7 @@ def longest(a: Array) -> float:
     return found**0.5
 
 
-@compiled
+@inner
 def add_weighted_rows(weights: Array, rows: Array, out: Array) -> None:
     """Add weighted rows of a matrix; many weights may be zero: (k,), (k, n_out) → (n_out,)."""
     for k in range(len(weights)):

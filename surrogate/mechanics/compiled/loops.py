@@ -18,7 +18,7 @@ from surrogate.mechanics.compiled.cells import (
     at_corners,
     slopes_of,
 )
-from surrogate.mechanics.compiled.fields import Array, add_contraction, compiled
+from surrogate.mechanics.compiled.fields import Array, add_contraction, compiled, inner
 from surrogate.mechanics.compiled.measures import (
     THETA,
     J,
@@ -94,7 +94,7 @@ def deform(cells: Cells, u: Array, f: Array, j: Array) -> bool:
     return inside
 
 
-@compiled
+@inner
 def _values(
     tapes: Tapes,
     number: int,
@@ -265,7 +265,7 @@ def tangents(
             _add_tangent(of_point, g, turned, out[cell])
 
 
-@compiled
+@inner
 def _add_tangent(a: Doubles, g: Doubles, turned: Doubles, out: Doubles) -> None:
     """Add G A G of a point: (d², d²), (n_corners, d) → (n_corners d, n_corners d).
 

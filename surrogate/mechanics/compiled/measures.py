@@ -13,7 +13,7 @@ from surrogate.mechanics.compiled.fields import (
     add_contraction,
     add_cross,
     add_multiple,
-    compiled,
+    inner,
 )
 from surrogate.mechanics.compiled.tapes import Doubles, Tapes
 from surrogate.mechanics.energy.law import DILATION, FIBRES, FIRST, SECOND, VOLUME
@@ -21,14 +21,14 @@ from surrogate.mechanics.energy.law import DILATION, FIBRES, FIRST, SECOND, VOLU
 I1, I2, J, THETA, I4 = FIRST, SECOND, VOLUME, DILATION, FIBRES
 
 
-@compiled
+@inner
 def cofactors(f: Array, out: Array) -> None:
     """Write cof F: (d, d, n) → same."""
     out[:] = 0
     add_cross(0.5 if len(f) == 3 else 1.0, f, f, out)
 
 
-@compiled
+@inner
 def measure(f: Array, cof: Array, fibres: Array, count: int, slots: Doubles) -> None:
     """Write the measures of a law with so many, without J and θ."""
     slots[I1] = 3.0 - len(f)
@@ -43,7 +43,7 @@ def measure(f: Array, cof: Array, fibres: Array, count: int, slots: Doubles) -> 
             _add_square(of[i], fibres[(a - I4) // 2], slots[a])
 
 
-@compiled
+@inner
 def _add_square(row: Array, a: Array, out: Doubles) -> None:
     """Add (row · a)²: (d, n) twice → (n,)."""
     for q in range(len(out)):
@@ -53,7 +53,7 @@ def _add_square(row: Array, a: Array, out: Doubles) -> None:
         out[q] += total * total
 
 
-@compiled
+@inner
 def dyad(of: Array, a: Array, out: Array) -> None:
     """Write A a ⊗ a: (d, d, n), (d, n) → (d, d, n)."""
     for i in range(len(of)):
@@ -65,7 +65,7 @@ def dyad(of: Array, a: Array, out: Array) -> None:
                     row[q] += of[i, k, q] * a[k, q] * a[j, q]
 
 
-@compiled
+@inner
 def add_weighted(factor: float, by: Doubles, a: Array, out: Array) -> None:
     """Add x b A: (n,), (d, d, n) → (d, d, n)."""
     for i in range(len(a)):
@@ -75,7 +75,7 @@ def add_weighted(factor: float, by: Doubles, a: Array, out: Array) -> None:
                 total[q] += factor * by[q] * row[q]
 
 
-@compiled
+@inner
 def add_derivative(
     number: int, by: Doubles, f: Array, cof: Array, fibres: Array, parts: Array, out: Array
 ) -> None:
@@ -99,7 +99,7 @@ def add_derivative(
         add_weighted(2.0, by, one, out)
 
 
-@compiled
+@inner
 def add_turned(
     number: int, f: Array, cof: Array, fibres: Array, h: Array, parts: Array, out: Array
 ) -> None:
@@ -129,7 +129,7 @@ def add_turned(
             add_multiple(2.0, one.ravel(), out.ravel())
 
 
-@compiled
+@inner
 def weight(tapes: Tapes, number: int, output: int, slots: Doubles, out: Doubles) -> bool:
     """Write an output of a law's tape, (n,); False if it is always zero."""
     place, fixed = tapes.outputs[number, output], tapes.fixed[number, output]
@@ -142,14 +142,14 @@ def weight(tapes: Tapes, number: int, output: int, slots: Doubles, out: Doubles)
     return True
 
 
-@compiled
+@inner
 def pair(count: int, a: int, b: int) -> int:
     """Number of the output of an energy that is its derivative by two of so many measures."""
     low, high = min(a, b), max(a, b)
     return 1 + count + low * count - low * (low - 1) // 2 + high - low
 
 
-@compiled
+@inner
 def moduli(
     tapes: Tapes,
     number: int,

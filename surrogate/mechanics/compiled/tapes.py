@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.materials import ZERO
-from surrogate.mechanics.compiled.fields import compiled
+from surrogate.mechanics.compiled.fields import inner
 from surrogate.mechanics.energy.tape import Operation, Tape
 
 Numbers = NDArray[np.int64]
@@ -70,7 +70,7 @@ class Tapes(NamedTuple):
         )
 
 
-@compiled
+@inner
 def values_of(number: int, tapes: Tapes, slots: Doubles) -> None:
     """Run a tape of a law on the rows of its inputs: (n_slots, n_points)."""
     points, first = slots.shape[1], tapes.inputs[number]

@@ -9,16 +9,21 @@ import torch
 from shared_schema.materials import NeoHookean
 from surrogate.certify.correction import correct
 from surrogate.data.geometry import Geometry
+from surrogate.mechanics.compiled.fields import compiled
 from surrogate.mechanics.out_of_balance import Equilibrium
+from surrogate.series import compiled_weights
 from surrogate.series import least_energy as least_energy_module
 from surrogate.series.cofactors import cofactors, cross_product, linear_cofactors
-from surrogate.series.compiled_series import SeriesBody
-from surrogate.series.compiled_terms import add_term, room_for_terms
-from surrogate.series.compiled_weights import Potential, energy_at, potential_of_terms
-from surrogate.series.compiled_weights import least_energy as compiled_least_energy
+from surrogate.series.compiled_series import SeriesBody, add_next_term
+from surrogate.series.compiled_terms import room_for_terms
+from surrogate.series.compiled_weights import Potential
 from surrogate.series.least_energy import EnergyOfTerms, LeastEnergy, solved
 from surrogate.series.series_response import SeriesResponse
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
+
+energy_at = compiled(compiled_weights.energy_at)
+potential_of_terms = compiled(compiled_weights.potential_of_terms)
+compiled_least_energy = compiled(compiled_weights.least_energy)
 
 ORDER = 3
 LOAD = 1.0, -4.0, 2.0
@@ -134,7 +139,7 @@ def compiled_potential(terms: Terms, sample: int) -> tuple[Potential, float]:
     room = room_for_terms(1, ORDER, cells, laws)
     for k, term in enumerate(terms.terms, start=1):
         u = np.ascontiguousarray(term[sample].T.numpy())[None]
-        add_term(k, cells, laws, u, room, np.zeros_like(u))
+        add_next_term(k, cells, laws, u, room, np.zeros_like(u))
     return potential_of_terms(room.h[0], cells, laws, moduli), cells.unit
 
 

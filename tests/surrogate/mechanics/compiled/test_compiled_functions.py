@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from surrogate.mechanics.compiled.fields import Array, compiled, inner
+
 FUNCTIONS = """
-from surrogate.mechanics.compiled.fields import compiled
+from surrogate.mechanics.compiled.fields import compiled, inner
+
+@inner
+def product_of(a, b):
+    return a * b
 
 def times(factor):
     @compiled
     def product(x):
-        return factor * x
+        return product_of(factor, x)
     return product
 """
 COMPILES = """
@@ -74,6 +82,7 @@ def test_two_processes_compile_at_once(tmp_path: Path) -> None:
 
 
 FORKS = """
+import gc
 import os
 from kept import times
 
@@ -96,3 +105,23 @@ def test_a_forked_process_compiles(tmp_path: Path) -> None:
         [sys.executable, "-c", FORKS], env=environment, capture_output=True, text=True, check=True
     )
     assert found.stdout.split() == ["0", "3.0"]
+
+
+def test_a_part_is_compiled_within_its_callers() -> None:
+    """By hand: 2 (1 + 2 + 3) = 12; Python runs the part itself, and looks for garbage after."""
+
+    @inner
+    def sum_of(values: Array) -> float:
+        total = 0.0
+        for value in values:
+            total += value
+        return total
+
+    @compiled
+    def twice(values: Array) -> float:
+        return 2 * sum_of(values)
+
+    values = np.array([1.0, 2.0, 3.0])
+    assert twice(values) == 12
+    assert sum_of(values) == 6
+    assert gc.isenabled()
