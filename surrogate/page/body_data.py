@@ -1,4 +1,4 @@
-"""The mechanics of a body as data: tapes of its materials, elements, supports, surfaces.
+"""The mechanics of a body as data: recordings of its materials, elements, supports, surfaces.
 
 The page's script (``web/src/mechanics``) computes with these what `surrogate.mechanics` and
 `surrogate.series` compute, for any material, element and load: it knows no material by name.
@@ -12,21 +12,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.common.bodies.facet_quadrature import shape_functions
+from shared_schema.common.bodies.facet_quadrature import normals_of, shape_functions
 from shared_schema.common.bodies.quadratic.quadratic_cells import (
     LINEAR,
     quadratic_quadrature,
     quadratic_shape_gradients,
 )
 from shared_schema.common.bodies.reference_cells import quadrature, shape_gradients
-from surrogate.mechanics.energy.law import Law
-from surrogate.mechanics.energy.tape import Tape
+from surrogate.mechanics.energy.law import DILATION, Law
 from surrogate.mechanics.matrices.band_matrix import BandLayout
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.quadratic import QuadraticEquilibrium
-from surrogate.mechanics.solids.mean_dilation import MeanDilationSolid
+from surrogate.mechanics.solids.deformation import Deformation
 from surrogate.mechanics.solids.taylor_hood import TaylorHoodSolid
-from surrogate.series.measured_series import slopes_at_rest, used_measures
+from surrogate.page.recording import Recording
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -48,17 +47,16 @@ def body_data(equilibrium: Equilibrium) -> tuple[dict[str, Any], Arrays]:
     cells, cell_type = geometry.cells[order], geometry.cell_type
     at, weights = _quadrature(cell_type)
     slopes = quadratic_shape_gradients if cell_type in LINEAR else shape_gradients
+    rounding = equilibrium.round_off
     text: dict[str, Any] = {
         "nodes": equilibrium.nodes,
-        "laws": [
-            law_data(law) | {"lambda": material.lame_lambda, "mu": material.lame_mu}
-            for law, material in zip(solid.laws, solid.materials, strict=True)
-        ],
-        "reference": {
-            "gradients": _rows(slopes(cell_type, at)),
-            "weights": np.broadcast_to(weights, len(at)).tolist(),
+        "laws": [law_data(law, geometry.dimension, solid.projects) for law in solid.laws],
+        "gradients": _rows(slopes(cell_type, at)),
+        "rounding": {
+            "energy": equilibrium.rounding,
+            "atRest": rounding.at_rest,
+            "perDisplacement": rounding.per_displacement,
         },
-        "edge": equilibrium.cell_size,
         "dilation": None,
         "facet": None,
     }
@@ -66,16 +64,15 @@ def body_data(equilibrium: Equilibrium) -> tuple[dict[str, Any], Arrays]:
         "points": geometry.coordinates.astype(np.float64),
         "elements": cells.astype(np.int32),
         "parts": parts[order].astype(np.int32),
+        "volumesOfPoints": solid.volumes.numpy()[order],
         "order": free_unknowns(equilibrium).astype(np.int32),
     }
-    if isinstance(solid, TaylorHoodSolid | MeanDilationSolid):
-        joined = isinstance(solid, TaylorHoodSolid)
-        shapes = (
-            solid.shapes.numpy() if isinstance(solid, TaylorHoodSolid) else np.ones((len(at), 1))
-        )
-        text["dilation"] = {"shapes": shapes.tolist(), "joined": joined}
-        numbers = cells[:, : shapes.shape[1]] if joined else np.arange(len(cells))
-        arrays["dilations"] = numbers.astype(np.int32)
+    if solid.projects:
+        text["dilation"] = {
+            "shapes": solid.shapes.tolist(),
+            "joined": isinstance(solid, TaylorHoodSolid),
+        }
+        arrays["dilations"] = solid.corners.numpy()[order].astype(np.int32)
     if solid.fibres is not None:
         arrays["fibres"] = solid.fibres[..., 0, 0].permute(2, 0, 1).numpy()[order]
     if isinstance(equilibrium, QuadraticEquilibrium):
@@ -103,28 +100,45 @@ def surface_data(
     if not surfaces:
         return None, {}
     facets = np.concatenate(surfaces)
-    values, gradients, weights = shape_functions(facets.shape[1], d)
-    text = {"values": (weights[:, None] * values).tolist(), "gradients": _rows(gradients)}
     numbers = np.repeat(np.arange(len(surfaces)), [len(each) for each in surfaces])
-    return text, {"facets": facets.astype(np.int32), "facetSurfaces": numbers.astype(np.int32)}
+    arrays = {"facets": facets.astype(np.int32), "facetSurfaces": numbers.astype(np.int32)}
+    return facet_data(facets.shape[1], d), arrays
 
 
-def law_data(law: Law) -> dict[str, Any]:
-    """A law of a material as plain data."""
-    return {
-        "count": law.count,
-        "stress": tape_data(law.stress),
-        "energy": tape_data(law.energy),
-        "rest": [float(value) for value in law.stress.slots(law.at_rest)],
-        "slopes": slopes_at_rest(law),
-        "used": sorted(used_measures(law)),
+def facet_data(points: int, d: int) -> dict[str, Any]:
+    """Forces of a unit pressure on a facet, as a recording of the positions of its points."""
+    values, gradients, weights = shape_functions(points, d)
+    recording = Recording(points * d)
+    position = recording.inputs.reshape(points, d)
+    tangents = np.tensordot(gradients.swapaxes(1, 2).astype(object), position, 1)
+    weighted = (weights[:, None] * values).T.astype(object)
+    forces = weighted @ normals_of(tangents[None])[0]
+    return recording.data([0] * (points * d), {"outputs": -forces.ravel()})
+
+
+def law_data(law: Law, d: int, projects: bool) -> dict[str, Any]:
+    r"""A law of a material as a recording of F, directions of fibres and, of some elements, θ and p.
+
+    Its outputs are the derivatives of :math:`W(F, θ) + p (J - θ)`, by F and, where there are some, θ
+    and p. These outputs, J and ∂W/∂θ follow in stages, as θ and p are known.
+    """
+    beside = [1, 2] if projects else []
+    size = d * d + law.families * d
+    recording = Recording(size + len(beside))
+    f = recording.inputs[: d * d].reshape(d, d)
+    dilation, pressure = recording.inputs[size:] if projects else (None, None)
+    state: Any = Deformation(f, dilation, recording.inputs[d * d : size].reshape(-1, d))
+    first = recording.run(law.stress, state.measures)
+    by = [state.stress(first)]
+    if projects:
+        by = [by[0] + pressure * state.cofactor, first[DILATION] - pressure, state.j - dilation]
+    outputs = {
+        "outputs": np.concatenate([np.ravel(each) for each in by]),
+        "volume": state.j,
+        "energy": recording.run(law.energy, state.measures)[0],
     }
-
-
-def tape_data(tape: Tape) -> dict[str, Any]:
-    """A tape as plain data."""
-    names = ("codes", "left", "right", "constants", "outputs", "fixed")
-    return {name: getattr(tape, name).tolist() for name in names}
+    outputs |= {"slope": first[DILATION]} if projects else {}
+    return recording.data([0] * size + beside, outputs)
 
 
 def free_unknowns(equilibrium: Equilibrium) -> NDArray[np.int64]:

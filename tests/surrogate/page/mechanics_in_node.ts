@@ -2,16 +2,10 @@
 
 import { readFileSync } from "node:fs";
 import { certify } from "../../../surrogate/page/web/src/mechanics/certificate";
-import { CarriedCompliance } from "../../../surrogate/page/web/src/mechanics/carried_compliance";
-import { descend } from "../../../surrogate/page/web/src/mechanics/descent";
 import { Equilibrium } from "../../../surrogate/page/web/src/mechanics/equilibrium";
 import { atPoints } from "../../../surrogate/page/web/src/mechanics/points_between";
+import { loadSeries, seriesTerms, weights } from "../../../surrogate/page/web/src/mechanics/load_series";
 import { readBody } from "../../../surrogate/page/web/src/mechanics/read_body";
-import {
-  loadSeries,
-  seriesTerms,
-  weights,
-} from "../../../surrogate/page/web/src/mechanics/series";
 import { Solid } from "../../../surrogate/page/web/src/mechanics/solid";
 
 const { text, arrays, asks } = JSON.parse(readFileSync(0, "utf-8"));
@@ -33,31 +27,33 @@ for (const ask of asks) {
   if (ask.kind === "state") {
     const u = field(ask.u);
     const x = field(ask.x);
-    const states = solid.at(u);
-    const [change] = solid.changes(states, [solid.slopes(x)]);
     const tangent = equilibrium.tangent(u);
+    const residual = equilibrium.outOfBalance(u, force);
+    const energy = solid.energy();
+    solid.set(1, solid.slopes(x));
     answers.push({
-      energy: solid.energy(states),
-      residual: Array.from(equilibrium.outOfBalance(u, force)),
-      product: Array.from(solid.forcesOf(change)),
+      energy,
+      residual: Array.from(residual),
+      product: Array.from(solid.forces(1)),
       solved: Array.from(tangent.solve(equilibrium.held(x))),
       stable: tangent.stable,
     });
   } else if (ask.kind === "series") {
     const terms = seriesTerms(equilibrium, force, ask.order);
     answers.push({
-      terms: terms.u.map((term) => Array.from(term)),
+      terms: terms.map((term) => Array.from(term)),
       weights: weights(equilibrium, terms, force),
       series: Array.from(loadSeries(equilibrium, force, ask.order)),
     });
-  } else if (ask.kind === "descent") {
-    const compliance = new CarriedCompliance(equilibrium);
-    const found = await descend(equilibrium, compliance, force, field(ask.u), always);
-    answers.push({ displacement: Array.from(found!) });
   } else {
     const predicted = atPoints(equilibrium, field(ask.u), force);
     const found = await certify(equilibrium, force, predicted, always);
-    answers.push({ ...found, error: found?.error && Array.from(found.error) });
+    const { corrected } = found!;
+    answers.push({
+      ...found,
+      error: found?.error && Array.from(found.error),
+      corrected: corrected && Array.from(corrected.displacement),
+    });
   }
 }
 console.log(JSON.stringify(answers));

@@ -31,7 +31,7 @@ BODIES += [
     (element, cell_type, ON_EVERY_ELEMENT[number % 3], under_pressure)
     for element, some in ELEMENTS.items()
     for number, cell_type in enumerate(some)
-    for under_pressure in (False, True)
+    for under_pressure in {False, number % 2 == 0}
 ]
 
 
@@ -207,26 +207,20 @@ def test_series_of_every_order(ask: PageInNode, cell_type: str) -> None:
         assert_close(page["series"], expected, 1e-6)  # the matrix of 8 terms is nearly singular
 
 
-@pytest.mark.parametrize("element", ELEMENTS)
-def test_directions_lead_to_the_equilibrium(ask: PageInNode, element: str) -> None:
-    """From the linear response under a load and a pressure, within the page's 0.5 %."""
-    plain = body(element, "tetra" if element != "linear" else "hexahedron", "two")
-    geometry = box("tetra" if element != "linear" else "hexahedron")
-    under = plain.under(upper_side(geometry.cell_type, plain))
+def test_a_settled_estimate_leads_to_the_equilibrium(ask: PageInNode) -> None:
+    """From the linear response under a load and a pressure, which is 1 % off at least."""
+    plain = body("incompressible", "tetra", "two")
+    under = plain.under(upper_side("tetra", plain))
     pressure = under.pressure
     assert pressure is not None
-    load = end_load(geometry, *LOAD)
+    load = end_load(box("tetra"), *LOAD)
     force = plain.forces_at_points(load[None])
     start = plain.linear_response(under.at_rest(force))
-    request = {
-        "kind": "descent",
-        "force": force,
-        "u": start,
-        "pressures": pressure.pressures[0].tolist(),
-    }
+    pressures = pressure.pressures[0].tolist()
+    request = {"kind": "certificate", "force": force, "u": start, "pressures": pressures}
     (found,) = ask(plain, [request], pressure.surfaces)
-    expected = correct(under, load, start[0, : plain.nodes]).displacement
-    displacement = np.array(found["displacement"]).reshape(-1, 3)[: plain.nodes]
+    expected = correct(under, load, start[0, : plain.nodes], 1e-11).displacement
+    displacement = np.array(found["corrected"]).reshape(-1, 3)[: plain.nodes]
     size = np.abs(expected).max()
     assert np.abs(start[0, : plain.nodes] - expected).max() > 0.01 * size
-    assert np.abs(displacement - expected).max() < 5e-3 * size
+    assert np.abs(displacement - expected).max() < 1e-4 * size

@@ -45,14 +45,3 @@ export function scale(palette: readonly string[]): (part: number, out: Rgb) => v
     }
   };
 }
-
-/** The lengths of the vectors of a nodal field, (nodes · d) → (nodes,). */
-export function lengths(field: ArrayLike<number>, d: number): Float64Array {
-  const found = new Float64Array(field.length / d);
-  for (let node = 0; node < found.length; node++) {
-    let sum = 0;
-    for (let i = 0; i < d; i++) sum += field[node * d + i] ** 2;
-    found[node] = Math.sqrt(sum);
-  }
-  return found;
-}

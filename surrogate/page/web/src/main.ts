@@ -196,25 +196,17 @@ async function start(): Promise<void> {
     return mechanics?.columnsOf(key) ?? null;
   });
 
-  /** Of a load that rests: a series goes on to the equilibrium; then the error is estimated. */
+  /** Of a load that rests: estimate the error; a series goes on to the equilibrium that was found. */
   const rest = (): void => {
     if (!mechanics || !content.certified || !state.displacement) return;
-    if (content.series === 0) {
-      estimate();
-      return;
-    }
-    mechanics.descent(state.loading(), atPoints(state.displacement), (displacement) => {
-      state.fields = atNodes(displacement);
-      addToCurve();
-      show();
-      estimate();
-    });
-  };
-
-  const estimate = (): void => {
-    if (!mechanics || !state.displacement) return;
     mechanics.estimate(state.loading(), atPoints(state.displacement), (certificate) => {
+      const { corrected } = certificate;
       state.certificate = certificate;
+      if (content.series > 0 && corrected) {
+        state.fields = atNodes(Float32Array.from(corrected.displacement));
+        state.certificate = { ...certificate, error: corrected.error };
+        addToCurve();
+      }
       show();
     });
   };

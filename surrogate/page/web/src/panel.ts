@@ -8,11 +8,11 @@ import { Stiffness } from "./stiffness";
 import { make } from "./elements";
 import { LoadCards } from "./load_cards";
 import { predictCommand } from "./loads";
-import { TOLERANCE } from "./mechanics/descent";
-import { longest } from "./mechanics/equilibrium";
+import { largest, lengths } from "./mechanics/vectors";
 import type { State } from "./state";
 import { asLength, digits, forceUnit, lengthUnit, place, unitOf } from "./units";
 
+const TOLERANCE = 5e-3; // of the largest displacement, of the command of a series
 const LARGE_SHARE = 0.1; // of the displacement, of an estimated error that is shown in red
 
 /** What the panel asks of the page. */
@@ -182,9 +182,9 @@ export class Panel {
     if (certificate?.inverted) {
       text = `None: the prediction turns ${certificate.inverted} elements inside out.`;
     } else if (certificate?.error && fields) {
-      const largest = longest(certificate.error, content.d);
-      const share = largest / (longest(fields.displacement, content.d) || 1);
-      const numbers = `${asLength(largest, 2)} at most, ${digits(100 * share, 2)} % of the largest displacement`;
+      const most = largest(lengths(certificate.error, content.d));
+      const share = most / (largest(lengths(fields.displacement, content.d)) || 1);
+      const numbers = `${asLength(most, 2)} at most, ${digits(100 * share, 2)} % of the largest displacement`;
       isBad ||= share > LARGE_SHARE;
       text = certificate.settled ? numbers : `Not reliable, as no equilibrium is near: ${numbers}`;
     } else if (certificate) {

@@ -1,10 +1,11 @@
 /** What the page shows at a moment: loads, predicted fields, the estimate of their error. */
 
-import { lengths, type FieldName } from "./colours";
+import type { FieldName } from "./colours";
 import type { Content } from "./content";
 import { Loads, size } from "./loads";
 import type { Certificate } from "./mechanics/certificate";
 import type { Loading } from "./mechanics/messages";
+import { lengths } from "./mechanics/vectors";
 import type { Fields } from "./network";
 import type { Sphere } from "./touch/sphere";
 import { exceeded, type Kind } from "./training_range";

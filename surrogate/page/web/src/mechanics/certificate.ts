@@ -8,7 +8,8 @@
  * steps with line search, and then δ itself has to be small.
  */
 
-import { dot, norm, plus, type Equilibrium, type Tangent } from "./equilibrium";
+import type { Equilibrium, Tangent } from "./equilibrium";
+import { dot, norm, plus } from "./vectors";
 
 const CONTRACTION = 0.25; // largest ‖δ̄‖/‖δ‖ of an estimate that is settled
 const LAST_PART = 0.1; // largest part of δ̄ in it
@@ -25,6 +26,8 @@ export interface Certificate {
   inverted: number;
   /** True if Newton's method contracts, so that the estimate is to be trusted. */
   settled: boolean;
+  /** The displacement that is left if the estimate is taken away, and its own estimated error; in m. */
+  corrected: { displacement: Float64Array; error: Float64Array } | null;
 }
 
 /**
@@ -41,19 +44,19 @@ export async function certify(
   const start = equilibrium.held(predicted);
   const inverted = equilibrium.inverted(start);
   const isSound = inverted === 0 && Number.isFinite(norm(equilibrium.outOfBalance(start, f)));
-  if (!isSound) return { error: null, inverted, settled: false };
+  if (!isSound) return { error: null, inverted, settled: false, corrected: null };
   let u = equilibrium.relaxed(start, f);
-  let settled = false;
-  for (let round = 0; round < ROUNDS && !settled; round++) {
+  for (let round = 0; round < ROUNDS; round++) {
     if (!(await wanted())) return null;
     const r = equilibrium.outOfBalance(u, f);
     const tangent = equilibrium.tangent(u);
-    const step = negative(tangent.solve(r));
-    const once = plus(u, step);
-    const simplified = negative(tangent.solve(equilibrium.outOfBalance(once, f)));
-    const twice = plus(once, simplified);
-    const further = negative(tangent.solve(equilibrium.outOfBalance(twice, f)));
-    const { atRest, perDisplacement } = equilibrium.roundOff;
+    const from = (state: Float64Array): Float64Array =>
+      tangent.solve(equilibrium.outOfBalance(state, f)).map((value) => -value);
+    const step = tangent.solve(r).map((value) => -value);
+    const simplified = from(plus(u, step));
+    const twice = plus(plus(u, step), simplified);
+    const further = from(twice);
+    const { atRest, perDisplacement } = equilibrium.solid.body.rounding;
     const size = norm(u);
     const improved = round > 0 || equilibrium.solid.projects; // improved states must be closer
     const last = norm(improved ? step : simplified);
@@ -61,11 +64,13 @@ export async function certify(
       isSmall(norm(plus(plus(start, u, -1), step, -1)), step, simplified, further, last) ||
       norm(r) <= atRest + perDisplacement * size ||
       last <= NEGLIGIBLE * size;
-    settled = tangent.stable && contracts;
-    const advance = equilibrium.pressure ? damped : searched;
-    u = settled ? twice : (advance(equilibrium, f, u, r, step, tangent) ?? u);
+    if (tangent.stable && contracts) {
+      const corrected = { displacement: twice, error: further.map((value) => -value) };
+      return { error: plus(predicted, twice, -1), inverted: 0, settled: true, corrected };
+    }
+    u = (equilibrium.pressure ? damped : searched)(equilibrium, f, u, step, tangent) ?? u;
   }
-  return { error: plus(predicted, u, -1), inverted: 0, settled };
+  return { error: plus(predicted, u, -1), inverted: 0, settled: false, corrected: null };
 }
 
 /** Whether the steps become small, beside an estimate of some norm. */
@@ -87,25 +92,20 @@ function ratio(following: number, first: number): number {
   return first === 0 ? 0 : following / first;
 }
 
-function negative(a: Float64Array): Float64Array {
-  return a.map((value) => -value);
-}
-
 /** Search along a step by Armijo's rule, as `surrogate/certify/correction.py`; null if Π does not decrease. */
-function searched(
+export function searched(
   equilibrium: Equilibrium,
   f: Float64Array,
   u: Float64Array,
-  r: Float64Array,
   step: Float64Array,
 ): Float64Array | null {
   const potential = equilibrium.potential(u, f);
-  const slope = dot(r, step);
+  const slope = dot(equilibrium.outOfBalance(u, f), step);
   for (let halving = 0; halving < HALVINGS; halving++) {
     const part = 0.5 ** halving;
     const trial = plus(u, step, part);
     const change = equilibrium.potential(trial, f) - potential;
-    if (!(change <= equilibrium.rounding)) continue;
+    if (!(change <= equilibrium.solid.body.rounding.energy)) continue;
     if (change <= SUFFICIENT * part * slope) return trial;
     if (dot(equilibrium.outOfBalance(trial, f), step) <= (2 * SUFFICIENT - 1) * slope) return trial;
   }
@@ -117,7 +117,6 @@ function damped(
   equilibrium: Equilibrium,
   f: Float64Array,
   u: Float64Array,
-  _: Float64Array,
   step: Float64Array,
   tangent: Tangent,
 ): Float64Array | null {

@@ -8,11 +8,10 @@
  * of K itself: iterations solve with it, by the factor of its symmetric part.
  */
 
-import { Layout } from "./layout";
 import { Pressure } from "./pressure";
-import type { ProfileFactor } from "./profile_factor";
-import type { Solid } from "./solid";
-import { rowsOf, writeTangents, type Kind } from "./tangent";
+import { Profile, type Factor } from "./profile";
+import type { Kind, Solid } from "./solid";
+import { dot, norm, plus } from "./vectors";
 
 const FIRST_SHIFT = 0.1;
 const SHIFT_GROWTH = 4;
@@ -25,51 +24,37 @@ export interface Tangent {
   stable: boolean;
 }
 
-/** Rounding error of ‖r‖: at rest in N, and per ‖u‖ in N/m. */
-interface RoundOff {
-  atRest: number;
-  perDisplacement: number;
-}
-
 export class Equilibrium {
-  /** Bound of the rounding error of Π in J. */
-  readonly rounding: number;
   /** Pressures that follow the surface; null if there are none. */
   pressure: Pressure | null = null;
   /** Number of the displacements' components. */
   readonly size: number;
-  private readonly layout: Layout;
+  private readonly profile: Profile;
+  /** Components of all cells, one cell after the other. */
+  private readonly numbers: Int32Array;
   /** Number of the negative eigenvalues of tangents that are positive definite beside p. */
   private readonly negative: number;
-  private undeformed: ProfileFactor | null = null;
-  private rounded: RoundOff | null = null;
+  private undeformed: Factor | null = null;
 
   /** @param order - free unknowns in the order of the profile; by default those of the body */
   constructor(
     readonly solid: Solid,
     readonly order: Int32Array = solid.body.order,
   ) {
-    const { laws, dilation, cells, coordinates } = solid.body;
-    const { d, corners } = solid;
+    const { dilation, cells, coordinates, d } = solid.body;
     this.size = coordinates.length;
-    const moduli = Math.max(...laws.map(({ lambda, mu }) => lambda + mu));
-    this.rounding = 10 * Number.EPSILON * moduli * solid.volume;
-    const rows = rowsOf(solid);
-    const numbers = new Int32Array(solid.cellCount * rows);
-    const width = (rows - corners * d) / 2;
-    this.negative = width ? dilation!.nodes.reduce((most, node) => Math.max(most, node + 1), 0) : 0;
-    for (let cell = 0; cell < solid.cellCount; cell++) {
-      for (let row = 0; row < rows; row++) {
-        const beyond = row - corners * d;
-        numbers[cell * rows + row] =
-          beyond < 0
-            ? cells[cell * corners + Math.floor(row / d)] * d + (row % d)
-            : this.size +
-              dilation!.nodes[cell * width + (beyond % width)] +
-              (beyond < width ? 0 : this.negative);
-      }
-    }
-    this.layout = new Layout(numbers, rows, order, this.size + 2 * this.negative);
+    const joined = dilation?.joined ? dilation : null;
+    const width = joined ? joined.shapes[0].length : 0;
+    this.negative = joined?.nodes.reduce((most, node) => Math.max(most, node + 1), 0) ?? 0;
+    const rows = solid.size + 2 * width;
+    this.numbers = new Int32Array(solid.cellCount * rows).map((_, i) => {
+      const [cell, row] = [Math.floor(i / rows), i % rows];
+      const beyond = row - solid.size;
+      if (beyond < 0) return cells[cell * solid.corners + Math.floor(row / d)] * d + (row % d);
+      const number = joined!.nodes[cell * width + (beyond % width)];
+      return this.size + number + (beyond < width ? 0 : this.negative);
+    });
+    this.profile = new Profile(this.numbers, rows, order, this.size + 2 * this.negative);
   }
 
   /** Set the pressures of the surfaces in Pa. */
@@ -81,31 +66,28 @@ export class Equilibrium {
 
   /** r(u) in N, zero at clamped nodes; NaN where a cell is inverted, or a number is not finite. */
   outOfBalance(u: Float64Array, f: Float64Array): Float64Array {
-    const states = this.solid.at(u);
-    const pushed = this.pressure?.forces(u);
-    const r = this.solid
-      .internalForces(states)
-      .map((value, dof) =>
-        this.layout.place[dof] < 0 ? 0 : value - f[dof] - (pushed ? pushed[dof] : 0),
-      );
-    const isSound = this.solid.inverted(states) === 0 && r.every(Number.isFinite);
+    const acting = this.pressure ? plus(f, this.pressure.forces(u)) : f;
+    this.solid.set(0, this.solid.slopes(u));
+    const r = this.held(plus(this.solid.forces(0), acting, -1));
+    const isSound = this.solid.inverted() === 0 && r.every(Number.isFinite);
     return isSound ? r : r.fill(NaN);
   }
 
   /** Number of inverted cells. */
   inverted(u: Float64Array): number {
-    return this.solid.inverted(this.solid.at(u));
+    this.solid.set(0, this.solid.slopes(u));
+    return this.solid.inverted();
   }
 
   /** Π(u) in J under dead forces. */
   potential(u: Float64Array, f: Float64Array): number {
-    const energy = this.solid.energy(this.solid.at(u)) - dot(u, f);
-    return Number.isNaN(energy) ? Infinity : energy;
+    this.solid.set(0, this.solid.slopes(u));
+    return this.solid.energy() - dot(u, f);
   }
 
   /** Displacements of the free nodes; zero at clamped ones. */
-  held(u: ArrayLike<number>): Float64Array {
-    return Float64Array.from(u, (value, dof) => (this.layout.place[dof] < 0 ? 0 : value));
+  held(u: Float64Array): Float64Array {
+    return u.map((value, dof) => (this.profile.place[dof] < 0 ? 0 : value));
   }
 
   /** Factorise K(u), or a positive definite matrix near it. */
@@ -115,9 +97,7 @@ export class Equilibrium {
     if (factor) return { solve: this.solver(factor), stable: true };
     const rest = this.assembled(new Float64Array(this.size), "pointwise");
     for (let shift = FIRST_SHIFT; shift < 1 / Number.EPSILON; shift *= SHIFT_GROWTH) {
-      const values = this.assembled(u);
-      for (let i = 0; i < values.length; i++) values[i] += shift * rest[i];
-      const shifted = this.factor(values);
+      const shifted = this.factor(plus(this.assembled(u), rest, shift));
       if (shifted) return { solve: this.solver(shifted), stable: false };
     }
     return { solve: this.solver(this.rest()), stable: false };
@@ -125,7 +105,7 @@ export class Equilibrium {
 
   /** K(0)⁻¹ f in m; the factor is kept. */
   linearResponse(f: Float64Array): Float64Array {
-    return this.layout.solve(this.rest(), f);
+    return this.profile.solve(this.rest(), f);
   }
 
   /** A step that makes the dilations of the cells right, if they are their own. */
@@ -133,45 +113,35 @@ export class Equilibrium {
     if (!this.solid.projects) return u;
     const factor = this.factor(this.assembled(u, "relaxed"));
     if (!factor) return u;
-    const trial = plus(u, this.layout.solve(factor, this.outOfBalance(u, f)), -1);
+    const trial = plus(u, this.profile.solve(factor, this.outOfBalance(u, f)), -1);
     return this.inverted(trial) ? u : trial;
   }
 
-  /** Rounding error of ‖r‖, as `shared_schema/common/bodies/force_tolerance.py`; it is kept. */
-  get roundOff(): RoundOff {
-    if (!this.rounded) {
-      const values = this.assembled(new Float64Array(this.size), "pointwise");
-      const diagonal = this.layout.diagonal(values);
-      const largest = diagonal.reduce((most, value) => Math.max(most, value), 0);
-      const atRest = Number.EPSILON * this.solid.body.edge * norm(diagonal);
-      this.rounded = { atRest, perDisplacement: Number.EPSILON * largest };
-    }
-    return this.rounded;
-  }
-
-  private rest(): ProfileFactor {
+  private rest(): Factor {
     this.undeformed ??= this.factor(this.assembled(new Float64Array(this.size)));
     if (!this.undeformed) throw new Error("the supports do not hold the body");
     return this.undeformed;
   }
 
-  private solver(factor: ProfileFactor): Tangent["solve"] {
-    return (right) => this.layout.solve(factor, right);
+  private solver(factor: Factor): Tangent["solve"] {
+    return (right) => this.profile.solve(factor, right);
   }
 
   /** The factor of a matrix that is positive definite, beside p; else null. */
-  private factor(values: Float64Array): ProfileFactor | null {
-    const factor = this.layout.factor(values, this.negative);
+  private factor(values: Float64Array): Factor | null {
+    const factor = this.profile.factor(values, this.negative);
     return factor?.negative === this.negative ? factor : null;
   }
 
   /** K, or of θ = J where elements that are joined have their own: K(0) is then positive definite. */
   private assembled(u: Float64Array, kind: Kind = "full"): Float64Array {
-    const joined = this.negative > 0;
-    return this.layout.assembled((add) => {
-      const states = this.solid.at(u);
-      writeTangents(this.solid, states, kind === "pointwise" && !joined ? "full" : kind, add);
+    const values = this.profile.zeros();
+    const rows = this.numbers.length / this.solid.cellCount;
+    this.solid.set(0, this.solid.slopes(u));
+    this.solid.tangents(kind === "pointwise" && !this.negative ? "full" : kind, (cell, k) => {
+      this.profile.add(values, this.numbers.subarray(cell * rows, (cell + 1) * rows), k);
     });
+    return values;
   }
 
   /** K of a state under pressures: K x = (S + A) x, by iterations with S⁻¹. */
@@ -179,12 +149,12 @@ export class Equilibrium {
     const values = this.assembled(u);
     const skew: [Int32Array, Float64Array][] = [];
     pressure.tangents(u, (components, k) => {
-      this.layout.add(values, components, k);
+      this.profile.add(values, components, k);
       const n = components.length;
       const half = k.map((value, i) => (value - k[(i % n) * n + Math.floor(i / n)]) / 2);
       if (half.some((value) => value !== 0)) skew.push([components, half]);
     });
-    const factor = this.layout.factor(values, Infinity);
+    const factor = this.profile.factor(values, Infinity);
     if (!factor) return { solve: this.solver(this.rest()), stable: false };
     const symmetric = this.solver(factor);
     const turned = (x: Float64Array): Float64Array => {
@@ -225,30 +195,4 @@ function solved(a: (x: Float64Array) => Float64Array, b: Float64Array): Float64A
     left = plus(left, image, -share / length);
   }
   return Number.isFinite(size) ? x : b;
-}
-
-export function dot(a: Float64Array, b: Float64Array): number {
-  let sum = 0;
-  for (let i = 0; i < a.length; i++) sum += a[i] * b[i];
-  return sum;
-}
-
-export function norm(a: Float64Array): number {
-  return Math.sqrt(dot(a, a));
-}
-
-/** Largest length of a node's vector in a field, (nodes · d). */
-export function longest(field: ArrayLike<number>, d: number): number {
-  let most = 0;
-  for (let place = 0; place < field.length; place += d) {
-    let sum = 0;
-    for (let i = 0; i < d; i++) sum += field[place + i] ** 2;
-    most = Math.max(most, sum);
-  }
-  return Math.sqrt(most);
-}
-
-/** a + factor · b */
-export function plus(a: Float64Array, b: Float64Array, factor = 1): Float64Array {
-  return a.map((value, i) => value + factor * b[i]);
 }

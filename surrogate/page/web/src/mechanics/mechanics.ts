@@ -13,7 +13,6 @@ export class Mechanics {
   private number = 0;
   private receive: (certificate: Certificate) => void = () => undefined;
   private receiveSeries: (displacement: Float32Array) => void = () => undefined;
-  private receiveDescent: (displacement: Float32Array) => void = () => undefined;
 
   /**
    * @param responding - body of linear responses and series
@@ -26,8 +25,6 @@ export class Mechanics {
     this.estimating = new Worker(url);
     this.responding.onmessage = ({ data }: MessageEvent<Reply>) => {
       if (data.kind === "series") this.receiveSeries(data.displacement);
-      if (data.kind === "descent" && data.number === this.number)
-        this.receiveDescent(data.displacement);
       if (data.kind !== "columns") return;
       this.columns.set(data.key, data.columns);
       onColumns();
@@ -46,17 +43,6 @@ export class Mechanics {
       this.receiveSeries = resolve;
       this.send(this.responding, { kind: "series", loading, order });
     });
-  }
-
-  /** Drive a displacement in m towards the equilibrium, unless other loads are asked for meanwhile. */
-  descent(
-    loading: Loading,
-    displacement: Float64Array,
-    receive: (displacement: Float32Array) => void,
-  ): void {
-    this.receiveDescent = receive;
-    this.number++;
-    this.send(this.responding, { kind: "descent", loading, displacement, number: this.number });
   }
 
   /** Ask for the responses to the unit components of a load, once. */
@@ -96,7 +82,7 @@ export class Mechanics {
     this.send(this.estimating, { kind: "certificate", loading, displacement, number: this.number });
   }
 
-  /** Forget the directions and the estimate that were asked for last. */
+  /** Forget the estimate that was asked for last. */
   forget(): void {
     this.number++;
   }

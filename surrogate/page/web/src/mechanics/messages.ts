@@ -1,8 +1,7 @@
 /** Messages between the page and its worker. */
 
 import type { Certificate } from "./certificate";
-import type { Reference } from "./gradients";
-import type { Law } from "./tape";
+import type { Law, Recording } from "./recording";
 
 /** Nodes with weights, of each node. */
 export interface Rows {
@@ -13,17 +12,14 @@ export interface Rows {
 
 /** Facets that pressures follow, seen from outside. */
 export interface Surfaces {
-  /** (facets, corners). */
+  /** Forces of a unit pressure on a facet, of the positions of its points. */
+  facet: Recording;
+  /** Points of every facet, and the number of its surface. */
   facets: Int32Array;
-  corners: number;
-  /** Number of the surface of every facet. */
   surfaces: Int32Array;
-  /** Weighted shape functions at the quadrature points; ∂N_a/∂ξ there, (corners · (d − 1)). */
-  values: number[][];
-  gradients: number[][];
 }
 
-/** The body of the page's mechanics, as `surrogate/page/body.py` writes it. */
+/** The body of the page's mechanics, as `surrogate/page/body_data.py` writes it. */
 export interface Body {
   d: number;
   /** Number of the points that are nodes of the mesh, the first ones. */
@@ -34,9 +30,12 @@ export interface Body {
   /** Number of every cell's law; cells are sorted by it. */
   parts: Int32Array;
   laws: Law[];
-  reference: Reference;
-  /** Mean length of an edge in m. */
-  edge: number;
+  /** ∂N_b/∂ξ_j at the quadrature points of the reference cell, (corners · d) each. */
+  gradients: number[][];
+  /** Of the quadrature points in m^d, (cells, points). */
+  volumes: Float64Array;
+  /** Rounding errors: of Π in J; of ‖r‖ at rest in N, and per ‖u‖ in N/m. */
+  rounding: { energy: number; atRest: number; perDisplacement: number };
   /** Functions of a dilation θ that elements have in place of J: at the quadrature points, and their
    * numbers in every cell; whether cells share them. */
   dilation: { shapes: number[][]; nodes: Int32Array; joined: boolean } | null;
@@ -61,11 +60,9 @@ export type Request =
   | { kind: "body"; body: Body }
   | { kind: "columns"; key: number; forces: Float64Array[] }
   | { kind: "series"; loading: Loading; order: number }
-  | { kind: "descent"; loading: Loading; displacement: Float64Array; number: number }
   | { kind: "certificate"; loading: Loading; displacement: Float64Array; number: number };
 
 export type Reply =
   | { kind: "columns"; key: number; columns: Float64Array[] }
   | { kind: "series"; displacement: Float32Array }
-  | { kind: "descent"; number: number; displacement: Float32Array }
   | { kind: "certificate"; number: number; certificate: Certificate | null };

@@ -1,9 +1,10 @@
 /** Points of elements between the nodes, as `surrogate/mechanics/quadratic.py`. */
 
-import { Equilibrium, norm, plus } from "./equilibrium";
+import { searched } from "./certificate";
+import { Equilibrium } from "./equilibrium";
+import { norm, plus } from "./vectors";
 
 const ITERATIONS = 20;
-const HALVINGS = 20;
 const SMALL = 1e-9; // of the displacement: a step after which the next one is a rounding error
 
 /**
@@ -33,27 +34,18 @@ export function atPoints(
   );
   let u = held.relaxed(start, f);
   for (let iteration = 0; iteration < ITERATIONS; iteration++) {
-    const lowered = lower(
+    const acting = equilibrium.pressure ? plus(f, equilibrium.pressure.forces(u)) : f;
+    const step = held.tangent(u).solve(held.outOfBalance(u, acting));
+    const next = searched(
       held,
+      acting,
       u,
-      equilibrium.pressure ? plus(f, equilibrium.pressure.forces(u)) : f,
+      step.map((value) => -value),
     );
-    if (!lowered) break;
-    const step = norm(plus(lowered, u, -1));
-    const isLast = step <= SMALL * norm(u);
-    u = lowered;
-    if (isLast) break;
+    if (!next) break;
+    const moved = norm(plus(next, u, -1));
+    u = next;
+    if (moved <= SMALL * norm(u)) break;
   }
   return u;
-}
-
-/** Newton step under dead forces, halved until Π is no higher; null if there is none. */
-function lower(body: Equilibrium, u: Float64Array, f: Float64Array): Float64Array | null {
-  const step = body.tangent(u).solve(body.outOfBalance(u, f));
-  const potential = body.potential(u, f);
-  for (let halving = 0; halving < HALVINGS; halving++) {
-    const trial = plus(u, step, -(0.5 ** halving));
-    if (body.potential(trial, f) <= potential + body.rounding) return trial;
-  }
-  return null;
 }

@@ -1,11 +1,12 @@
 /** The body of the page's mechanics, from what `surrogate/page/body_data.py` has written. */
 
-import type { Body, Rows, Surfaces } from "./messages";
+import type { Body, Rows } from "./messages";
+import type { Recording } from "./recording";
 
 /** Plain data of a body. */
-export interface BodyText extends Pick<Body, "nodes" | "laws" | "reference" | "edge"> {
+export interface BodyText extends Pick<Body, "nodes" | "laws" | "gradients" | "rounding"> {
   dilation: Omit<NonNullable<Body["dilation"]>, "nodes"> | null;
-  facet: Pick<Surfaces, "values" | "gradients"> | null;
+  facet: Recording | null;
 }
 
 /** An array by its name; null if there is none. */
@@ -13,23 +14,19 @@ export type Find = (name: string) => Float64Array | Int32Array | Uint8Array | nu
 
 export function readBody(text: BodyText, find: Find): Body {
   const integers = (name: string): Int32Array => find(name) as Int32Array;
-  const points = integers("elements").length / integers("parts").length;
-  const { dilation, facet } = text;
+  const { dilation, facet, gradients } = text;
+  const parts = integers("parts");
   return {
     ...text,
-    d: text.reference.gradients[0].length / points,
+    d: (gradients[0].length * parts.length) / integers("elements").length,
     coordinates: find("points") as Float64Array,
     cells: integers("elements"),
-    parts: integers("parts"),
+    parts,
+    volumes: find("volumesOfPoints") as Float64Array,
     dilation: dilation && { ...dilation, nodes: integers("dilations") },
     fibres: find("fibres") as Float64Array | null,
     order: integers("order"),
-    surfaces: facet && {
-      ...facet,
-      facets: integers("facets"),
-      corners: facet.values[0].length,
-      surfaces: integers("facetSurfaces"),
-    },
+    surfaces: facet && { facet, facets: integers("facets"), surfaces: integers("facetSurfaces") },
     between: readRows("between", find),
     spread: null,
   };

@@ -1,95 +1,114 @@
 /**
  * A solid of finite elements of any material, as `surrogate/mechanics/solids`:
  *
- *   F = I + Σ_a u_a ⊗ G_a,  f_a = Σ_q w_q P_q G_a,  K_ab = Σ_q w_q G_a · ∂P/∂F · G_b
+ *   F = I + Σ_a u_a ⊗ G_a,  f_a = Σ_q w_q P_q G_a,  K = Σ_q w_q Bᵀ D B
  *
- * Elements with a dilation of their own have θ = Π J and p = Π ∂W/∂θ, with the projection Π on
- * functions φ that Python tells, by their mass matrix. Fields at the quadrature points are arrays of
- * blocks of cells of one material.
+ * with the derivative P of W(F, θ) + p (J − θ) at a point by F, and D the second ones. Elements with a
+ * dilation of their own have θ = Π J and p = Π ∂W/∂θ, with the projection Π on functions φ that Python
+ * tells, by their mass matrix. All of this is computed of power series in a parameter: order 0 is a
+ * state, order 1 its change along a direction, and a load series has more.
  */
 
-import { Deformation } from "./deformation";
-import { cellGradients } from "./gradients";
-import { Layout } from "./layout";
 import type { Body } from "./messages";
-import type { ProfileFactor } from "./profile_factor";
-import type { Law } from "./tape";
-import { addContraction, addProduct, identity } from "./tensors";
+import { Profile, type Factor } from "./profile";
+import { Series, type Law } from "./recording";
+import { solve } from "./vectors";
 
-const POINTS = 512; // of a block, about
+const POINTS = 128; // of a block, about
 
-/** Cells of one material. */
+/** What a tangent is of: a state as it is, without its p, or with θ = J at every point. */
+export type Kind = "full" | "relaxed" | "pointwise";
+
+/** ∇u of all blocks: (d · d, n) each. */
+export type Slopes = Float64Array[];
+
+/** Cells of one material, from the first to the one before the end. */
 interface Block {
   law: Law;
-  /** First cell, and the one after the last. */
   first: number;
   end: number;
-  /** First quadrature point, and number of the points. */
-  start: number;
-  n: number;
-  /** Directions of the families of the law at the points, (d, n) each. */
-  fibres: Float64Array[];
+  series: Series;
 }
 
-/** A field at the quadrature points: components of every block. */
-export type Field = Float64Array[];
-
 export class Solid {
-  readonly d: number;
+  /** Corners and quadrature points of a cell; rows of its matrix without θ and p. */
   readonly corners: number;
-  readonly cellCount: number;
-  readonly volume: number;
-  /** (points). */
-  readonly volumes: Float64Array;
-  readonly blocks: Block[] = [];
-  /** Points of a cell. */
   readonly points: number;
+  readonly size: number;
+  readonly cellCount: number;
+  private readonly blocks: Block[] = [];
+  /** ∂N_a/∂x_j in 1/m, (cells, points, corners, d). */
   private readonly gradients: Float64Array;
-  private readonly mass: { layout: Layout; factor: ProfileFactor } | null = null;
+  private readonly mass: { profile: Profile; factor: Factor } | null = null;
 
   constructor(readonly body: Body) {
-    const { d, cells, reference, dilation } = body;
-    this.d = d;
-    this.corners = reference.gradients[0].length / d;
-    this.points = reference.weights.length;
-    this.cellCount = cells.length / this.corners;
-    const parts = cellGradients(body);
-    this.gradients = parts.gradients;
-    this.volumes = parts.volumes;
-    this.volume = this.volumes.reduce((sum, v) => sum + v, 0);
+    const { d, gradients, dilation, parts } = body;
+    this.size = gradients[0].length;
+    this.corners = this.size / d;
+    this.points = gradients.length;
+    this.cellCount = parts.length;
+    this.gradients = this.cellGradients();
     const most = Math.max(1, Math.floor(POINTS / this.points));
-    for (let first = 0; first < this.cellCount;) {
-      let end = first;
-      while (end < this.cellCount && end - first < most && body.parts[end] === body.parts[first])
-        end++;
+    for (let first = 0, end = 0; first < this.cellCount; first = end) {
+      while (end < this.cellCount && end - first < most && parts[end] === parts[first]) end++;
       this.blocks.push(this.block(first, end));
-      first = end;
     }
-    if (dilation) {
-      const size = dilation.nodes.reduce((most, node) => Math.max(most, node + 1), 0);
-      const order = Int32Array.from({ length: size }, (_, node) => node);
-      const layout = new Layout(dilation.nodes, dilation.shapes[0].length, order, size);
-      const mass = layout.assembled((add) => {
-        for (let cell = 0; cell < this.cellCount; cell++) add(cell, this.cellMass(cell));
+    if (!dilation) return;
+    const width = dilation.shapes[0].length;
+    const count = dilation.nodes.reduce((most, node) => Math.max(most, node + 1), 0);
+    const profile = new Profile(dilation.nodes, width, Int32Array.from(Array(count).keys()), count);
+    const mass = profile.zeros();
+    for (let cell = 0; cell < this.cellCount; cell++) {
+      const k = new Float64Array(width * width);
+      dilation.shapes.forEach((shape, q) => {
+        const w = body.volumes[cell * this.points + q];
+        k.forEach((_, i) => (k[i] += w * shape[Math.floor(i / width)] * shape[i % width]));
       });
-      this.mass = { layout, factor: layout.factor(mass)! };
+      profile.add(mass, dilation.nodes.subarray(cell * width, (cell + 1) * width), k);
     }
+    this.mass = { profile, factor: profile.factor(mass)! };
   }
 
-  /** ∇u at the quadrature points, (d, d). */
-  slopes(u: Float64Array): Field {
-    const { d, corners, gradients, points, body } = this;
-    return this.blocks.map(({ first, start, n }) => {
-      const h = new Float64Array(d * d * n);
-      for (let p = 0; p < n; p++) {
-        const corner = (first + Math.floor(p / points)) * corners;
-        const g = (start + p) * corners * d;
-        for (let i = 0; i < d; i++) {
-          for (let j = 0; j < d; j++) {
-            let sum = 0;
-            for (let a = 0; a < corners; a++)
-              sum += u[body.cells[corner + a] * d + i] * gradients[g + a * d + j];
-            h[(i * d + j) * n + p] = sum;
+  get projects(): boolean {
+    return this.mass !== null;
+  }
+
+  /** Compute the coefficients of order k, of those of ∇u; null for zeros. */
+  set(k: number, slopes: Slopes | null): void {
+    const square = this.body.d ** 2;
+    this.blocks.forEach(({ law, series }, b) => {
+      const f = series.at(k, 0, slopes !== null, square);
+      if (slopes) f.set(slopes[b]);
+      for (let i = 0; i < square && k === 0; i += this.body.d + 1)
+        series.at(0, i, true).forEach((value, p, diagonal) => (diagonal[p] = value + 1));
+      series.at(k, square, k === 0, law.inputs - square);
+      series.run(k, 0);
+    });
+    if (!this.mass) return;
+    this.project(k, (law) => law.volume, 2);
+    for (const { series } of this.blocks) series.run(k, 1);
+    this.project(k, (law) => law.slope!, 1);
+    for (const { series } of this.blocks) series.run(k, 2);
+  }
+
+  /** ∇u at the points of displacements in m. */
+  slopes(u: Float64Array): Slopes {
+    const { gradients, corners, points, size } = this;
+    const { d, cells } = this.body;
+    const local = new Float64Array(size);
+    return this.blocks.map(({ first, end, series }) => {
+      const h = new Float64Array(d * d * series.n);
+      for (let cell = first, p = 0; cell < end; cell++) {
+        for (let a = 0; a < size; a++)
+          local[a] = u[cells[cell * corners + Math.floor(a / d)] * d + (a % d)];
+        for (let q = 0; q < points; q++, p++) {
+          const g = (cell * points + q) * size;
+          for (let i = 0; i < d; i++) {
+            for (let j = 0; j < d; j++) {
+              let sum = 0;
+              for (let a = 0; a < size; a += d) sum += local[a + i] * gradients[g + a + j];
+              h[(i * d + j) * series.n + p] = sum;
+            }
           }
         }
       }
@@ -97,208 +116,247 @@ export class Solid {
     });
   }
 
-  /** The deformation of every block, with p, of displacements in m, (points · d). */
-  at(u: Float64Array): Deformation[] {
-    return this.deformed([[1, this.slopes(u)]]);
-  }
-
-  /** The same of Σ c ∇u. */
-  deformed(terms: readonly (readonly [number, Field])[]): Deformation[] {
-    const states = this.blocks.map(({ law, n, fibres }, b) => {
-      const f = identity(this.d, n);
-      for (const [c, slopes] of terms) addProduct(f, c, slopes[b]);
-      return new Deformation(law, this.d, f, fibres);
-    });
-    if (this.mass) {
-      const dilations = this.projected(states.map(({ j }) => j));
-      states.forEach((state, b) => {
-        state.dilate(dilations[b]);
-      });
-      const pressures = this.projected(states.map((state) => state.slope()));
-      states.forEach((state, b) => (state.pressure = pressures[b]));
+  /** Forces Σ_q w_q P_q G_a in N of the stress of order k: (points · d). */
+  forces(k: number): Float64Array {
+    const { gradients, corners, points } = this;
+    const { d, cells, volumes, coordinates } = this.body;
+    const found = new Float64Array(coordinates.length);
+    const local = new Float64Array(this.size);
+    for (const { law, series, first, end } of this.blocks) {
+      const stress = law.outputs.slice(0, d * d).map((slot) => series.at(k, slot));
+      for (let cell = first; cell < end; cell++) {
+        local.fill(0);
+        for (let i = 0; i < d; i++) {
+          for (let j = 0; j < d; j++) {
+            const component = stress[i * d + j];
+            for (let point = cell * points; point < (cell + 1) * points; point++) {
+              const weighted = volumes[point] * component[point - first * points];
+              const g = point * this.size + j;
+              for (let a = 0; a < this.size; a += d) local[a + i] += weighted * gradients[g + a];
+            }
+          }
+        }
+        for (let a = 0; a < corners; a++) {
+          const node = cells[cell * corners + a] * d;
+          for (let i = 0; i < d; i++) found[node + i] += local[a * d + i];
+        }
+      }
     }
-    return states;
-  }
-
-  /** Π of scalars; as they are where elements have no dilation of their own. */
-  projected(values: Field): Field {
-    const { mass, points, volumes } = this;
-    if (!mass) return values;
-    const { shapes, nodes } = this.body.dilation!;
-    const width = shapes[0].length;
-    const sums = new Float64Array(mass.layout.size);
-    const each = (use: (b: number, p: number, shape: readonly number[], at: number) => void) => {
-      this.blocks.forEach(({ first, n }, b) => {
-        for (let p = 0; p < n; p++)
-          use(b, p, shapes[p % points], (first + Math.floor(p / points)) * width);
-      });
-    };
-    each((b, p, shape, at) => {
-      const value = volumes[this.blocks[b].start + p] * values[b][p];
-      for (let m = 0; m < width; m++) sums[nodes[at + m]] += shape[m] * value;
-    });
-    const solved = mass.layout.solve(mass.factor, sums);
-    const found = values.map((part) => new Float64Array(part.length));
-    each((b, p, shape, at) => {
-      for (let m = 0; m < width; m++) found[b][p] += shape[m] * solved[nodes[at + m]];
-    });
     return found;
   }
 
-  get projects(): boolean {
-    return this.mass !== null;
+  /** w_q ∇u */
+  weighted(slopes: Slopes): Slopes {
+    return slopes.map((block, b) => {
+      const { series, first } = this.blocks[b];
+      return block.map(
+        (value, i) => value * this.body.volumes[first * this.points + (i % series.n)],
+      );
+    });
   }
 
-  /** Number of cells with J ≤ 0, or θ ≤ 0, or no number, at a point. */
-  inverted(states: readonly Deformation[]): number {
+  /** Σ_q A : w_q ∇u of the stress A of order k in Pa, in J. */
+  work(k: number, weighted: Slopes): number {
+    const { length } = weighted;
+    let total = 0;
+    for (let b = 0; b < length; b++) {
+      const { law, series } = this.blocks[b];
+      for (let from = 0, i = 0; from < weighted[b].length; from += series.n, i++) {
+        const [stress, block] = [series.at(k, law.outputs[i]), weighted[b]];
+        for (let p = 0; p < stress.length; p++) total += stress[p] * block[from + p];
+      }
+    }
+    return total;
+  }
+
+  /** Number of cells with J ≤ 0, or θ ≤ 0, or no number, at a point of the state. */
+  inverted(): number {
     let count = 0;
-    this.blocks.forEach(({ n }, b) => {
-      for (let p = 0; p < n; p += this.points)
-        if (states[b].inside.subarray(p, p + this.points).includes(0)) count++;
-    });
+    for (const { law, series } of this.blocks) {
+      const volumes = [series.at(0, law.volume)];
+      if (this.mass) volumes.push(series.at(0, law.inputs - 2));
+      for (let p = 0; p < series.n; p += this.points) {
+        const isInside = volumes.every((values) =>
+          values.subarray(p, p + this.points).every((value) => value > 0 && value < Infinity),
+        );
+        if (!isInside) count++;
+      }
+    }
     return count;
   }
 
-  /** Strain energy in J, infinite if a cell is inverted. */
-  energy(states: readonly Deformation[]): number {
-    return this.integral(states.map((state) => state.energy()));
-  }
-
-  /** Σ w over all points, of scalars. */
-  integral(values: Field): number {
+  /** Strain energy of the state in J; infinite if it has none. */
+  energy(): number {
     let sum = 0;
-    this.blocks.forEach(({ start, n }, b) => {
-      for (let p = 0; p < n; p++) sum += this.volumes[start + p] * values[b][p];
-    });
-    return sum;
-  }
-
-  /** f_int = ∂E/∂u in N, (points, d); no meaning if a cell is inverted. */
-  internalForces(states: readonly Deformation[]): Float64Array {
-    return this.forcesOf(states.map((state) => state.stress()));
-  }
-
-  /** Changes of the stress in Pa with ∇u by some H, as `surrogate/mechanics/solids/changes.py`. */
-  changes(states: readonly Deformation[], slopes: readonly Field[]): Field[] {
-    return slopes.map((h) => {
-      if (!this.mass) return states.map((state, b) => state.change(h[b], null));
-      const volumes = states.map(({ cofactor, j }, b) => contraction(cofactor, h[b], j.length));
-      const dilations = this.projected(volumes);
-      const pressures = this.projected(
-        states.map((state, b) => state.slopeChange(h[b], dilations[b])),
-      );
-      return states.map((state, b) => {
-        const found = state.change(h[b], dilations[b]);
-        addProduct(found, pressures[b], state.cofactor);
-        return found;
+    for (const { law, series, first } of this.blocks) {
+      series.run(0, law.ends.length - 1);
+      series.at(0, law.energy).forEach((w, p) => {
+        sum += this.body.volumes[first * this.points + p] * w;
       });
-    });
+    }
+    return this.inverted() > 0 || Number.isNaN(sum) ? Infinity : sum;
   }
 
-  /** Forces Σ_q w_q P_q G_a in N of stresses in Pa: (points, d). */
-  forcesOf(stress: Field): Float64Array {
-    const { d, corners, gradients, volumes, points, body } = this;
-    const forces = new Float64Array(body.coordinates.length);
-    this.blocks.forEach(({ first, start, n }, b) => {
-      const block = stress[b];
-      for (let p = 0; p < n; p++) {
-        const corner = (first + Math.floor(p / points)) * corners;
-        const w = volumes[start + p];
-        for (let a = 0; a < corners; a++) {
-          const node = body.cells[corner + a] * d;
-          const g = ((start + p) * corners + a) * d;
-          for (let i = 0; i < d; i++) {
-            let sum = 0;
-            for (let k = 0; k < d; k++) sum += block[(i * d + k) * n + p] * gradients[g + k];
-            forces[node + i] += w * sum;
+  /**
+   * Write the matrices of all cells of the state, in N/m: rows and columns of displacements, then, if
+   * cells share them, of θ and p. Those of a cell alone are condensed, as in `mean_dilation.py`:
+   *
+   *   K + (c vᵀ + v cᵀ) / V + s v vᵀ / V²
+   */
+  tangents(kind: Kind, write: (cell: number, k: Float64Array) => void): void {
+    const { corners, points, size } = this;
+    const { d, volumes, dilation } = this.body;
+    const square = d * d;
+    const width = dilation ? dilation.shapes[0].length : 0;
+    const rows = size + 2 * width;
+    const m = square + (width && kind !== "pointwise" ? 2 : 0); // inputs whose derivatives matter
+    const k = new Float64Array(rows * rows);
+    const condensed = new Float64Array(size * size);
+    const local = new Float64Array(m * m);
+    const turned = new Float64Array(m * rows);
+    for (const { law, series, first, end } of this.blocks) {
+      const moduli = this.moduli(law, series, kind, m);
+      for (let cell = first; cell < end; cell++) {
+        k.fill(0);
+        for (let point = cell * points; point < (cell + 1) * points; point++) {
+          const g = this.gradients.subarray(point * size, (point + 1) * size);
+          const shape = dilation?.shapes[point % points] ?? [];
+          for (let i = 0; i < m * m; i++)
+            local[i] = volumes[point] * moduli[i * series.n + point - first * points];
+          for (let y = 0; y < m; y++) {
+            const at = y * rows;
+            for (let a = 0; a < corners; a++) {
+              for (let i = 0; i < d; i++) {
+                let sum = 0;
+                for (let j = 0; j < d; j++) sum += local[y * m + i * d + j] * g[a * d + j];
+                turned[at + a * d + i] = sum;
+              }
+            }
+            for (let row = size; row < rows && m > square; row++) {
+              const x = square + (row < size + width ? 0 : 1);
+              turned[at + row] = local[y * m + x] * shape[(row - size) % width];
+            }
+          }
+          for (let a = 0; a < corners; a++) {
+            for (let i = 0; i < d; i++) {
+              const row = (a * d + i) * rows;
+              for (let j = 0; j < d; j++) {
+                const slope = g[a * d + j];
+                const from = (i * d + j) * rows;
+                for (let c = 0; c < (a + 1) * d; c++) k[row + c] += slope * turned[from + c];
+              }
+            }
+          }
+          for (let row = size; row < rows && m > square; row++) {
+            const from = (square + (row < size + width ? 0 : 1)) * rows;
+            const value = shape[(row - size) % width];
+            for (let c = 0; c <= row; c++) k[row * rows + c] += value * turned[from + c];
           }
         }
-      }
-    });
-    return forces;
-  }
-
-  /** Mean of F over every cell, (cells, d, d). */
-  meanDeformation(u: Float64Array): Float64Array {
-    const size = this.d ** 2;
-    const found = new Float64Array(this.cellCount * size);
-    const slopes = this.slopes(u);
-    this.blocks.forEach(({ first, end, start, n }, b) => {
-      for (let cell = first; cell < end; cell++) {
-        const own = (cell - first) * this.points;
-        const weights = this.volumes.subarray(start + own, start + own + this.points);
-        const volume = weights.reduce((sum, w) => sum + w, 0);
+        for (let row = 0; row < rows; row++)
+          for (let c = row + 1; c < rows; c++) k[row * rows + c] = k[c * rows + row];
+        if (!dilation || dilation.joined) {
+          write(cell, k);
+          continue;
+        }
+        const [c, v] = [k.subarray(size * rows), k.subarray((size + 1) * rows)];
+        const [s, volume] = [c[size], m > square ? -v[size] : 1];
         for (let i = 0; i < size; i++) {
-          let sum = 0;
-          weights.forEach((w, q) => (sum += w * slopes[b][i * n + own + q]));
-          found[cell * size + i] = sum / volume + (i % (this.d + 1) === 0 ? 1 : 0);
+          for (let j = 0; j < size; j++)
+            condensed[i * size + j] =
+              k[i * rows + j] +
+              (c[i] * v[j] + v[i] * c[j]) / volume +
+              (s * v[i] * v[j]) / volume ** 2;
         }
-      }
-    });
-    return found;
-  }
-
-  /** Σ_q w_q μ_q G_a·G_b of one cell into `k`, (corners, corners). */
-  cellLaplacian(cell: number, k: Float64Array): void {
-    const { d, corners, points } = this;
-    const { laws, parts } = this.body;
-    k.fill(0);
-    for (let point = cell * points; point < (cell + 1) * points; point++) {
-      const g = this.gradientsAt(point);
-      const w = this.volumes[point] * laws[parts[cell]].mu;
-      for (let a = 0; a < corners; a++) {
-        for (let b = 0; b < corners; b++) {
-          let sum = 0;
-          for (let j = 0; j < d; j++) sum += g[a * d + j] * g[b * d + j];
-          k[a * corners + b] += w * sum;
-        }
+        write(cell, condensed);
       }
     }
   }
 
-  /** ∂N_a/∂x_j in 1/m at a quadrature point, (corners, d). */
-  gradientsAt(point: number): Float64Array {
-    const size = this.corners * this.d;
-    return this.gradients.subarray(point * size, (point + 1) * size);
+  /** D of a block, (m, m, n), by F and, if m is larger, by θ and p. */
+  private moduli(law: Law, series: Series, kind: Kind, m: number): Float64Array {
+    const { n } = series;
+    const square = this.body.d ** 2;
+    const beside = law.inputs - 2; // the input θ
+    const found = new Float64Array(m * m * n);
+    const pressure = this.mass ? series.at(0, beside + 1).slice() : null;
+    if (pressure && kind === "relaxed") series.at(0, beside + 1).fill(0);
+    for (let x = 0; x < m; x++) {
+      series.at(1, 0, false, law.inputs);
+      series.at(1, x < square ? x : beside + x - square, true).fill(1);
+      series.run(1, 0);
+      if (this.mass) {
+        if (kind === "pointwise") series.at(1, beside, true).set(series.at(1, law.volume));
+        series.run(1, 1);
+        if (kind === "pointwise") series.at(1, beside + 1, true).set(series.at(1, law.slope!));
+        series.run(1, 2);
+      }
+      for (let y = 0; y < m; y++) found.set(series.at(1, law.outputs[y]), (y * m + x) * n);
+    }
+    if (pressure) series.at(0, beside + 1).set(pressure);
+    return found;
   }
 
-  /** Σ_q w_q φ_a φ_b of a cell. */
-  cellMass(cell: number): Float64Array {
-    const { shapes } = this.body.dilation!;
+  /** Π of a slot into an input, counted from the end of the inputs. */
+  private project(k: number, from: (law: Law) => number, input: number): void {
+    const { profile, factor } = this.mass!;
+    const { shapes, nodes } = this.body.dilation!;
+    const { points } = this;
     const width = shapes[0].length;
-    const k = new Float64Array(width * width);
-    shapes.forEach((shape, q) => {
-      const w = this.volumes[cell * this.points + q];
-      shape.forEach((x, a) => {
-        shape.forEach((y, b) => (k[a * width + b] += w * x * y));
+    const sums = new Float64Array(profile.size);
+    for (const { law, series, first } of this.blocks) {
+      series.at(k, from(law)).forEach((value, p) => {
+        const at = (first + Math.floor(p / points)) * width;
+        const weighted = this.body.volumes[first * points + p] * value;
+        for (let a = 0; a < width; a++) sums[nodes[at + a]] += shapes[p % points][a] * weighted;
       });
-    });
-    return k;
+    }
+    const solved = profile.solve(factor, sums);
+    for (const { law, series, first } of this.blocks) {
+      const values = series.at(k, law.inputs - input, true);
+      for (let p = 0; p < series.n; p++) {
+        const at = (first + Math.floor(p / points)) * width;
+        values[p] = 0;
+        for (let a = 0; a < width; a++) values[p] += shapes[p % points][a] * solved[nodes[at + a]];
+      }
+    }
   }
 
-  private block(first: number, end: number): Block {
-    const { d, points } = this;
-    const { fibres, laws, parts } = this.body;
-    const law = laws[parts[first]];
-    const n = (end - first) * points;
-    const families = fibres ? fibres.length / (this.cellCount * d) : 0;
-    const directions = Array.from({ length: (law.count - 4) / 2 }, (_, family) => {
-      const found = new Float64Array(d * n);
-      for (let i = 0; i < d; i++) {
-        for (let p = 0; p < n; p++) {
-          const cell = first + Math.floor(p / points);
-          found[i * n + p] = fibres![(cell * families + family) * d + i];
+  /** Gradients of the shape functions, of those in the reference cell: ∂x/∂ξᵀ G = ∂N/∂ξ. */
+  private cellGradients(): Float64Array {
+    const { corners, points, size } = this;
+    const { d, coordinates, cells, gradients } = this.body;
+    const found = new Float64Array(this.cellCount * points * size);
+    const [jacobian, right] = [new Float64Array(d * d), new Float64Array(size)];
+    for (let point = 0; point < this.cellCount * points; point++) {
+      const slopes = gradients[point % points];
+      jacobian.fill(0);
+      for (let a = 0; a < corners; a++) {
+        const node = cells[Math.floor(point / points) * corners + a] * d;
+        for (let j = 0; j < d; j++) {
+          right[j * corners + a] = slopes[a * d + j];
+          for (let i = 0; i < d; i++)
+            jacobian[j * d + i] += slopes[a * d + j] * coordinates[node + i];
         }
       }
-      return found;
-    });
-    return { law, first, end, start: first * points, n, fibres: directions };
+      solve(jacobian, right, corners)!.forEach((value, i) => {
+        found[point * size + (i % corners) * d + Math.floor(i / corners)] = value;
+      });
+    }
+    return found;
   }
-}
 
-/** A : B at the points of a block. */
-export function contraction(a: Float64Array, b: Float64Array, n: number): Float64Array {
-  const found = new Float64Array(n);
-  addContraction(found, a, b);
-  return found;
+  /** Cells of one law, with the directions of its fibres. */
+  private block(first: number, end: number): Block {
+    const { d, laws, parts, fibres, dilation } = this.body;
+    const law = laws[parts[first]];
+    const series = new Series(law, (end - first) * this.points);
+    const count = law.inputs - d * d - (dilation ? 2 : 0);
+    const stride = fibres ? fibres.length / this.cellCount : 0;
+    series.at(0, d * d, true, count).forEach((_, place, directions) => {
+      const cell = first + Math.floor((place % series.n) / this.points);
+      directions[place] = fibres![cell * stride + Math.floor(place / series.n)];
+    });
+    return { law, first, end, series };
+  }
 }

@@ -4,7 +4,7 @@
  *   w = A λ + q,  w ≥ 0,  λ ≥ 0,  λ·w = 0
  */
 
-import { solve, times } from "./dense";
+import { solve, times } from "../mechanics/vectors";
 
 const BLOCKS = 5; // exchanges of many unknowns that may bring no progress
 const MOST = 300; // exchanges at all

@@ -10,7 +10,7 @@
 import { size, type Load } from "../loads";
 import type { Fields } from "../network";
 import type { State } from "../state";
-import { solve, times, unit } from "./dense";
+import { solve, times, unit } from "../mechanics/vectors";
 import type { Outcome } from "./outcome";
 
 const TOLERANCE = 1e-4; // residual over the largest held displacement

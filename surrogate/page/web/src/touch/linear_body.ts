@@ -6,7 +6,7 @@
  * with updates that keep C symmetric and positive definite.
  */
 
-import { dot, norm } from "../mechanics/equilibrium";
+import { dot, norm } from "../mechanics/vectors";
 
 const UPDATES = 40; // changes that are kept
 const RECENT = 8; // those that are kept when there are too many

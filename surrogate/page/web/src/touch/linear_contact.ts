@@ -6,7 +6,7 @@
  */
 
 import { complementary } from "./complementarity";
-import { solve, times, unit } from "./dense";
+import { solve, times, unit } from "../mechanics/vectors";
 import type { LinearBody } from "./linear_body";
 import { near, type Sphere } from "./sphere";
 

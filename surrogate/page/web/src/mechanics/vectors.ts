@@ -1,4 +1,37 @@
-/** Small dense systems of equations, in rows. */
+/** Vectors, and small dense matrices in rows. */
+
+export function dot(a: ArrayLike<number>, b: ArrayLike<number>): number {
+  let sum = 0;
+  for (let i = 0; i < a.length; i++) sum += a[i] * b[i];
+  return sum;
+}
+
+export function norm(a: ArrayLike<number>): number {
+  return Math.sqrt(dot(a, a));
+}
+
+/** a + factor · b */
+export function plus(a: Float64Array, b: Float64Array, factor = 1): Float64Array {
+  return a.map((value, i) => value + factor * b[i]);
+}
+
+/** a += factor · b */
+export function add(a: Float64Array, b: Float64Array, factor: number): void {
+  for (let i = 0; i < a.length; i++) a[i] += factor * b[i];
+}
+
+/** The lengths of the vectors of a field, (n · d) → (n,). */
+export function lengths(field: ArrayLike<number>, d: number): Float64Array {
+  return Float64Array.from({ length: field.length / d }, (_, node) => {
+    let sum = 0;
+    for (let i = 0; i < d; i++) sum += field[node * d + i] ** 2;
+    return Math.sqrt(sum);
+  });
+}
+
+export function largest(values: Float64Array): number {
+  return values.reduce((most, value) => Math.max(most, Math.abs(value)), 0);
+}
 
 /**
  * Solve A X = B by elimination with row exchanges.
@@ -7,11 +40,7 @@
  * @param right - B, (n · columns)
  * @returns X, (n · columns); null if A is singular
  */
-export function solve(
-  matrix: Float64Array,
-  right: Float64Array,
-  columns: number,
-): Float64Array | null {
+export function solve(matrix: Float64Array, right: Float64Array, columns = 1): Float64Array | null {
   const n = Math.sqrt(matrix.length);
   const a = matrix.slice();
   const x = right.slice();
@@ -42,12 +71,10 @@ export function solve(
 
 /** A x, of a matrix in rows. */
 export function times(matrix: Float64Array, x: ArrayLike<number>): Float64Array {
-  const columns = x.length;
-  return Float64Array.from({ length: matrix.length / columns }, (_, row) => {
-    let sum = 0;
-    for (let j = 0; j < columns; j++) sum += matrix[row * columns + j] * x[j];
-    return sum;
-  });
+  const n = x.length;
+  return Float64Array.from({ length: matrix.length / n }, (_, row) =>
+    dot(matrix.subarray(row * n, (row + 1) * n), x),
+  );
 }
 
 /** The unit matrix, (n · n). */
