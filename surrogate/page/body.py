@@ -17,11 +17,10 @@ from surrogate.inference.surrogate import Surrogate
 from surrogate.mechanics.follower_pressure import FollowerPressure
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.networks.no_network import NoNetwork
-from surrogate.page.body_data import band_entries, body_data, surface_data
+from surrogate.page.body_data import band_entries, body_data, sparse_rows, surface_data
 from surrogate.page.surface import surface_of
 
 BAND = 2**24  # entries of a band that a page factorises: 134 MB
-RESPONSE = "response"  # before the names of arrays of the body of the linear response
 Arrays = dict[str, NDArray[Any]]
 
 
@@ -94,9 +93,9 @@ def mechanics_of(surrogate: Surrogate) -> Mechanics:
             raise
     else:
         body, arrays = body_data(equilibrium)
-        body["facet"], of_surfaces = surface_data(geometry.surfaces, geometry.dimension)
-        arrays |= of_surfaces
+        text, of_surfaces = surface_data(geometry.surfaces, geometry.dimension)
         entries = band_entries(equilibrium, arrays["order"])
+        body, arrays = body | text, below("body", arrays | of_surfaces)
         if entries > BAND:
             body, arrays, band = None, {}, entries if alone else 0
     if responds and not alone and not band:
@@ -105,20 +104,20 @@ def mechanics_of(surrogate: Surrogate) -> Mechanics:
             response, of_response = body_data(own)
             entries = band_entries(own, of_response["order"])
             band = entries if entries > BAND else 0
-            arrays |= {RESPONSE + name: array for name, array in of_response.items()}
+            arrays |= below("response", of_response)
         if not geometry.grid.points_are_nodes:
-            spread = spread_of(geometry)
-            arrays |= {
-                "spreadStarts": spread.indptr.astype(np.int32),
-                "spreadNodes": spread.indices.astype(np.int32),
-                "spreadWeights": spread.data,
-            }
+            arrays |= below("spread", sparse_rows(spread_of(geometry)))
     if band:
         return Mechanics(None, None, (), (), {}, band)
     pressed, largest = pressures_of(surrogate)
     if pressed:
         arrays["pushes"] = unit_pressures(geometry)
     return Mechanics(body, response, pressed, largest, arrays)
+
+
+def below(part: str, arrays: Arrays) -> Arrays:
+    """Arrays of a part of the page, by their paths."""
+    return {f"{part}/{name}": array for name, array in arrays.items()}
 
 
 def equilibrium_of_response(surrogate: Surrogate) -> Equilibrium:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from shared_schema.common.bodies.facet_quadrature import normals_of, shape_functions
 from shared_schema.common.bodies.quadratic.quadratic_cells import (
@@ -39,16 +40,17 @@ def body_data(equilibrium: Equilibrium) -> tuple[dict[str, Any], Arrays]:
         Laws of the materials and functions of the reference cell, as plain data.
     arrays : dict
         Points and cells, which are sorted by material; numbers of the free unknowns in the order
-        of the page's factors; facets under pressures; points between the nodes.
+        of the page's factors; points between the nodes. Names of parts of a part are paths.
     """
     solid, geometry = equilibrium.solid, equilibrium.geometry
     parts = solid.material_of_cells().numpy()
     order = np.argsort(parts, kind="stable")
     cells, cell_type = geometry.cells[order], geometry.cell_type
-    at, weights = _quadrature(cell_type)
+    at, _ = _quadrature(cell_type)
     slopes = quadratic_shape_gradients if cell_type in LINEAR else shape_gradients
     rounding = equilibrium.round_off
     text: dict[str, Any] = {
+        "d": geometry.dimension,
         "nodes": equilibrium.nodes,
         "laws": [law_data(law, geometry.dimension, solid.projects) for law in solid.laws],
         "gradients": _rows(slopes(cell_type, at)),
@@ -57,14 +59,12 @@ def body_data(equilibrium: Equilibrium) -> tuple[dict[str, Any], Arrays]:
             "atRest": rounding.at_rest,
             "perDisplacement": rounding.per_displacement,
         },
-        "dilation": None,
-        "facet": None,
     }
     arrays: Arrays = {
-        "points": geometry.coordinates.astype(np.float64),
-        "elements": cells.astype(np.int32),
+        "coordinates": geometry.coordinates.astype(np.float64),
+        "cells": cells.astype(np.int32),
         "parts": parts[order].astype(np.int32),
-        "volumesOfPoints": solid.volumes.numpy()[order],
+        "volumes": solid.volumes.numpy()[order],
         "order": free_unknowns(equilibrium).astype(np.int32),
     }
     if solid.projects:
@@ -72,37 +72,31 @@ def body_data(equilibrium: Equilibrium) -> tuple[dict[str, Any], Arrays]:
             "shapes": solid.shapes.tolist(),
             "joined": isinstance(solid, TaylorHoodSolid),
         }
-        arrays["dilations"] = solid.corners.numpy()[order].astype(np.int32)
+        arrays["dilation/nodes"] = solid.corners.numpy()[order].astype(np.int32)
     if solid.fibres is not None:
         arrays["fibres"] = solid.fibres[..., 0, 0].permute(2, 0, 1).numpy()[order]
     if isinstance(equilibrium, QuadraticEquilibrium):
         between = equilibrium.points.interpolation[equilibrium.nodes :].tocsr()
-        arrays |= {
-            "betweenStarts": between.indptr.astype(np.int32),
-            "betweenNodes": between.indices.astype(np.int32),
-            "betweenWeights": between.data,
-        }
+        arrays |= {f"between/{name}": array for name, array in sparse_rows(between).items()}
     return text, arrays
 
 
-def surface_data(
-    surfaces: Sequence[NDArray[np.int64]], d: int
-) -> tuple[dict[str, Any] | None, Arrays]:
+def surface_data(surfaces: Sequence[NDArray[np.int64]], d: int) -> tuple[dict[str, Any], Arrays]:
     """Describe the facets that pressures follow, of every surface, in d dimensions.
 
     Returns
     -------
-    text : dict or None
-        Weighted shape functions of a facet and their gradients at its quadrature points; None if no
-        pressure acts.
+    text : dict
+        ``surfaces``, with the forces of a unit pressure on a facet; empty if no pressure acts.
     arrays : dict
     """
     if not surfaces:
-        return None, {}
+        return {}, {}
     facets = np.concatenate(surfaces)
     numbers = np.repeat(np.arange(len(surfaces)), [len(each) for each in surfaces])
-    arrays = {"facets": facets.astype(np.int32), "facetSurfaces": numbers.astype(np.int32)}
-    return facet_data(facets.shape[1], d), arrays
+    arrays = {"facets": facets.astype(np.int32), "surfaces": numbers.astype(np.int32)}
+    text = {"surfaces": {"facet": facet_data(facets.shape[1], d)}}
+    return text, {f"surfaces/{name}": array for name, array in arrays.items()}
 
 
 def facet_data(points: int, d: int) -> dict[str, Any]:
@@ -117,17 +111,18 @@ def facet_data(points: int, d: int) -> dict[str, Any]:
 
 
 def law_data(law: Law, d: int, projects: bool) -> dict[str, Any]:
-    r"""A law of a material as a recording of F, directions of fibres and, of some elements, θ and p.
+    """A law of a material as a recording of F, directions of fibres and, of some elements, θ and p.
 
-    Its outputs are the derivatives of :math:`W(F, θ) + p (J - θ)`, by F and, where there are some, θ
-    and p. These outputs, J and ∂W/∂θ follow in stages, as θ and p are known.
+    Its outputs are the derivatives of W(F, θ) + p (J - θ), by F and, where there are some, θ and
+    p. These, J and ∂W/∂θ follow in stages, as θ and p are known.
     """
     beside = [1, 2] if projects else []
     size = d * d + law.families * d
     recording = Recording(size + len(beside))
-    f = recording.inputs[: d * d].reshape(d, d)
+    f: Any = recording.inputs[: d * d].reshape(d, d)
+    fibres: Any = recording.inputs[d * d : size].reshape(-1, d)
     dilation, pressure = recording.inputs[size:] if projects else (None, None)
-    state: Any = Deformation(f, dilation, recording.inputs[d * d : size].reshape(-1, d))
+    state: Any = Deformation(f, dilation, fibres)
     first = recording.run(law.stress, state.measures)
     by = [state.stress(first)]
     if projects:
@@ -139,6 +134,12 @@ def law_data(law: Law, d: int, projects: bool) -> dict[str, Any]:
     }
     outputs |= {"slope": first[DILATION]} if projects else {}
     return recording.data([0] * size + beside, outputs)
+
+
+def sparse_rows(matrix: csr_array) -> Arrays:
+    """Rows of a sparse matrix as arrays."""
+    starts, nodes = matrix.indptr.astype(np.int32), matrix.indices.astype(np.int32)
+    return {"starts": starts, "nodes": nodes, "weights": matrix.data}
 
 
 def free_unknowns(equilibrium: Equilibrium) -> NDArray[np.int64]:

@@ -135,8 +135,12 @@ def write_page(
         network = NO_NETWORK if order else page_network(surrogate, left)
     content["passes"] = network.passes
     page = PAGES.get_template("page.html.j2").render(
-        title=content["case"],
-        content=json.dumps(content, separators=(",", ":")).replace("<", "\\u003c"),
+        content=content,
+        d=geometry.dimension,
+        responds=mechanics.body or mechanics.response,
+        pressed=[name or f"surface {i}" for i, name in enumerate(mechanics.pressed, 1)],
+        modulus=f"{float(f'{young_modulus(surrogate) or 0:.3g}'):g}",
+        text=json.dumps(content, separators=(",", ":")).replace("<", "\\u003c"),
         network=inlined(network.content) if network.content else "",
         **parts,
     )

@@ -17,6 +17,7 @@ from shared_schema.common.errors import InputError
 from surrogate.data.case_loads import families_of, region_of
 from surrogate.data.geometry import Geometry
 from surrogate.inference.surrogate import Surrogate
+from surrogate.page.body_data import sparse_rows
 
 FINGER = 0.05  # of the diagonal and of the largest body force: patch where nothing else acts
 Arrays = dict[str, NDArray[Any]]
@@ -82,7 +83,7 @@ def load_arrays(geometry: Geometry, loads: PageLoads, nodes: Integers) -> Arrays
     Returns
     -------
     dict
-        For patches ``patchStarts``, ``patchNodes`` and ``patchWeights``, rows by node number of the
+        For patches ``patches/starts``, ``…/nodes`` and ``…/weights``, rows by node number of the
         nodes, with weights of sum 1, that a force about each of `nodes` reaches. For a body force
         ``volumes``, what of the body belongs to each node, in m³.
     """
@@ -91,11 +92,7 @@ def load_arrays(geometry: Geometry, loads: PageLoads, nodes: Integers) -> Arrays
         rows = patches_of(geometry, loads.radius, nodes).tocoo()
         count = len(geometry.coordinates)
         placed = csr_array((rows.data, (nodes[rows.row], rows.col)), shape=(count, count))
-        found |= {
-            "patchStarts": placed.indptr.astype(np.int32),
-            "patchNodes": placed.indices.astype(np.int32),
-            "patchWeights": placed.data,
-        }
+        found |= {f"patches/{name}": array for name, array in sparse_rows(placed).items()}
     return found
 
 

@@ -142,4 +142,3 @@ class Recorded:
         return True  # as of a state that is possible
 
     __lt__ = __gt__
-

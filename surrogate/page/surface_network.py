@@ -34,7 +34,7 @@ AT_ONCE = 48  # unit loads that are solved for at once
 PATCH = 12_000  # bytes of the weights of a patch, that of a thousand nodes
 SHORT = 2**15 - 1  # largest 16-bit number
 OF_NODES = ("coordinates", "held", "loadable", "volumes")  # arrays by node
-NUMBERS = ("lines", "features", "supports", "vertices", "patchNodes")  # arrays of node numbers
+NUMBERS = ("lines", "features", "supports", "vertices", "patches/nodes")  # arrays of node numbers
 Integers = NDArray[np.int64]
 
 
@@ -114,8 +114,9 @@ def surface_arrays(arrays: Arrays, nodes: Integers) -> Arrays:
     found = dict(arrays) | {"cells": arrays["cells"][:0]}
     found |= {name: arrays[name][nodes] for name in OF_NODES if name in arrays}
     found |= {name: number[arrays[name]] for name in NUMBERS if name in arrays}
-    if "patchStarts" in arrays:
-        found["patchStarts"] = np.append(arrays["patchStarts"][nodes], arrays["patchStarts"][-1:])
+    if "patches/starts" in arrays:
+        starts = arrays["patches/starts"]
+        found["patches/starts"] = np.append(starts[nodes], starts[-1:])
     return found
 
 

@@ -1,19 +1,18 @@
 /** The page's mechanics in node: a body and questions on stdin, answers on stdout. */
 
 import { readFileSync } from "node:fs";
+import { put } from "../../../surrogate/page/web/src/content";
 import { certify } from "../../../surrogate/page/web/src/mechanics/certificate";
 import { Equilibrium } from "../../../surrogate/page/web/src/mechanics/equilibrium";
 import { atPoints } from "../../../surrogate/page/web/src/mechanics/points_between";
 import { loadSeries, seriesTerms, weights } from "../../../surrogate/page/web/src/mechanics/load_series";
-import { readBody } from "../../../surrogate/page/web/src/mechanics/read_body";
 import { Solid } from "../../../surrogate/page/web/src/mechanics/solid";
 
 const { text, arrays, asks } = JSON.parse(readFileSync(0, "utf-8"));
-const body = readBody(text, (name) => {
-  const array = arrays[name];
-  if (!array) return null;
-  return (array.type === "int32" ? Int32Array : Float64Array).from(array.values);
-});
+for (const [path, { type, values }] of Object.entries(arrays)) {
+  put(text, path, (type === "int32" ? Int32Array : Float64Array).from(values));
+}
+const body = text;
 const solid = new Solid(body);
 const equilibrium = new Equilibrium(solid);
 const always = (): Promise<boolean> => Promise.resolve(true);

@@ -42,9 +42,9 @@ class PageInNode:
     ) -> list[Any]:
         """Answer questions: `kind`, `force` in N, `pressures` in Pa, and what the kind needs."""
         text, arrays = body_data(equilibrium)
-        text["facet"], of_surfaces = surface_data(surfaces, equilibrium.geometry.dimension)
+        of_facet, of_surfaces = surface_data(surfaces, equilibrium.geometry.dimension)
         request = {
-            "text": text,
+            "text": text | of_facet,
             "arrays": {
                 name: {"type": array.dtype.name, "values": array.ravel().tolist()}
                 for name, array in (arrays | of_surfaces).items()

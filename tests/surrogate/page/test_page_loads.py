@@ -54,7 +54,7 @@ def test_loads_are_those_of_the_case(
     assert found.density == (None if density is None else (density,) * 3)
     arrays = load_arrays(dataset_3d.geometry, found, np.array([5, 8]))
     assert ("volumes" in arrays) == (density is not None)
-    assert ("patchStarts" in arrays) == (radius > 0)
+    assert ("patches/starts" in arrays) == (radius > 0)
 
 
 def test_weight_alone_is_touched_by_a_finger(dataset_3d: Dataset, tmp_path: Path) -> None:

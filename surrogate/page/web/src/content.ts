@@ -1,11 +1,10 @@
 /** What `surrogate page` has written into the file: the body, the network, onnxruntime's WebAssembly. */
 
 import type { Body, Rows } from "./mechanics/messages";
-import { readBody, readRows, type BodyText, type Find } from "./mechanics/read_body";
 import type { TrainingRange } from "./training_range";
 
-/** Plain data of the page (`surrogate/page/page.py`). */
-interface Text {
+/** What `surrogate/page/page.py` has written: plain data, and arrays. */
+interface Written {
   case: string;
   network: string;
   run: string;
@@ -35,26 +34,13 @@ interface Text {
   youngModulus: number | null;
   /** Radius in m of the sphere that pushes the body, at first. */
   radius: number;
-  arrays: Partial<Record<string, { type: string; shape: number[]; offset: number }>>;
-}
-
-/** Bodies as they are written. */
-interface Written extends Text {
-  body: BodyText | null;
-  response: BodyText | null;
-}
-
-/** All that is known of the body before the network is read. */
-export interface Content extends Text {
-  d: number;
-  nodes: number;
+  /** Type, shape and place of every array, by its path in all of this. */
+  arrays: Record<string, { type: keyof typeof VIEWS; shape: number[]; offset: number }>;
   /** (nodes, d) in m. */
   coordinates: Float64Array;
   cells: Int32Array;
   /** (nodes, d), components that supports hold. */
   held: Uint8Array;
-  /** Nodes that do not move at all. */
-  clamped: Uint8Array;
   loadable: Uint8Array;
   /** Node of every vertex of the triangles. */
   vertices: Int32Array;
@@ -64,15 +50,27 @@ export interface Content extends Text {
   supports: Int32Array;
   /** The body of the finite elements; null where no errors are estimated. */
   body: Body | null;
-  /** That of the linear response, or of the series. */
+  /** That of a linear response which is another one. */
+  response: Body | null;
+  /** Nodes, with weights, that a force at each node reaches by way of an embedded grid. */
+  spread?: Rows;
+  /** Forces in N of 1 Pa on every surface of the undeformed body, (surfaces, nodes, d). */
+  pushes?: Float64Array;
+  /** Nodes, with weights, that a force about a node reaches by way of its patch. */
+  patches?: Rows;
+  /** What of the body belongs to each node, in m³. */
+  volumes?: Float64Array;
+}
+
+/** All that is known of the body before the network is read. */
+export interface Content extends Written {
+  d: number;
+  nodes: number;
+  /** Nodes that do not move at all. */
+  clamped: Uint8Array;
+  /** The body of the linear response, or of the series. */
   responding: Body | null;
   certified: boolean;
-  /** Forces in N of 1 Pa on every surface of the undeformed body, (surfaces, nodes, d). */
-  pushes: Float64Array | null;
-  /** Nodes, with weights, that a force about a node reaches by way of its patch. */
-  patches: Rows | null;
-  /** What of the body belongs to each node, in m³. */
-  volumes: Float64Array | null;
   trained: TrainingRange;
 }
 
@@ -80,53 +78,45 @@ const VIEWS = { float64: Float64Array, int32: Int32Array, uint8: Uint8Array } as
 
 /** Read text and arrays. */
 export async function readContent(): Promise<Content> {
-  const text = JSON.parse(element("content").textContent) as Written;
+  const written = JSON.parse(element("content").textContent) as Written;
   const block = (await bytes("arrays")).buffer;
-  const array: Find = (name) => {
-    const entry = text.arrays[name];
-    if (!entry) return null;
-    const length = entry.shape.reduce((product, n) => product * n, 1);
-    return new VIEWS[entry.type as keyof typeof VIEWS](block, entry.offset, length);
-  };
-  const [nodes, d] = text.arrays.coordinates!.shape;
-  const loadable = array("loadable") as Uint8Array;
-  const held = array("held") as Uint8Array;
-  const clamped = loadable.map((_, node) =>
-    Number(held.subarray(node * d, (node + 1) * d).every((value) => value === 1)),
-  );
-  const none = text.limit.map(() => Infinity);
-  const body = text.body && readBody(text.body, array);
-  const response =
-    text.response &&
-    readBody(text.response, (name) =>
-      name.startsWith("spread") ? null : array(`response${name}`),
-    );
-  const spread = readRows("spread", array);
-  const responding = response ?? body;
+  for (const [path, { type, shape, offset }] of Object.entries(written.arrays)) {
+    const length = shape.reduce((product, n) => product * n, 1);
+    put(written, path, new VIEWS[type](block, offset, length));
+  }
+  const { held, loadable, limit, largest, loads, spread } = written;
+  const [nodes, d] = written.arrays.coordinates.shape;
+  const responding = written.response ?? written.body;
+  const trained = { limit, largest, loadable, loads };
+  if (written.series) {
+    const none = limit.map(() => Infinity);
+    Object.assign(trained, {
+      limit: none,
+      largest: none,
+      loadable: loadable.map(() => 1),
+      loads: null,
+    });
+  }
   return {
-    ...text,
-    body,
-    responding: responding && { ...responding, spread },
-    certified: body !== null,
-    pushes: array("pushes") as Float64Array | null,
+    ...written,
     nodes,
     d,
-    coordinates: array("coordinates") as Float64Array,
-    cells: array("cells") as Int32Array,
-    held,
-    clamped,
-    loadable,
-    trained: text.series
-      ? { limit: none, largest: none, loadable: loadable.map(() => 1), loads: null }
-      : { limit: text.limit, largest: text.largest, loadable, loads: text.loads },
-    vertices: array("vertices") as Int32Array,
-    triangles: array("triangles") as Int32Array,
-    lines: array("lines") as Int32Array,
-    features: array("features") as Int32Array,
-    supports: array("supports") as Int32Array,
-    patches: readRows("patch", array),
-    volumes: array("volumes") as Float64Array | null,
+    clamped: loadable.map((_, node) =>
+      Number(held.subarray(node * d, (node + 1) * d).every(Boolean)),
+    ),
+    responding: responding && { ...responding, ...(spread && { spread }) },
+    certified: written.body !== null,
+    trained,
   };
+}
+
+/** Put a value where its path leads, below parts that are there or not. */
+export function put(into: object, path: string, value: unknown): void {
+  const names = path.split("/");
+  const last = names.pop()!;
+  let at = into as Record<string, object>;
+  for (const name of names) at = (at[name] ??= {}) as Record<string, object>;
+  Object.assign(at, { [last]: value });
 }
 
 /** Read and unpack the bytes of an element, base64 of a gzip file. */

@@ -33,12 +33,12 @@ export interface LoadedBody {
   /** (nodes, d), components that supports hold; they bear what would act on them. */
   held: Uint8Array;
   /** Nodes, with weights, that a force about a node reaches; null for forces on nodes. */
-  patches: Rows | null;
+  patches?: Rows;
   /** What of the body belongs to each node, in m³. */
-  volumes: Float64Array | null;
+  volumes?: Float64Array;
   /** Surfaces that pressures follow, and forces in N of 1 Pa on each of them, (nodes · d) each. */
   pressed: readonly string[];
-  pushes: Float64Array | null;
+  pushes?: Float64Array;
 }
 
 export class Loads {

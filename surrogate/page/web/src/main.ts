@@ -13,7 +13,7 @@ import { Grips } from "./touch/grips";
 import { Touch } from "./touch/touch";
 import { useUnits } from "./units";
 import { Scene } from "./view/scene";
-import { movableSurface } from "./view/surface_nodes";
+import { movableSurface } from "./view/body_mesh";
 
 const REST = 150; // ms without a change, after which a load on a large body rests
 const LARGE = 2000; // degrees of freedom
@@ -50,8 +50,7 @@ async function start(): Promise<void> {
   const extent = Math.max(...extents(content));
   useUnits(content.units, extent);
   const state = new State(content);
-  const root = document.getElementById("page")!;
-  const panel = new Panel(root, state, {
+  const panel = new Panel(state, {
     changed: (what) => {
       if (what === "loads") change(null);
       else show();
@@ -204,7 +203,10 @@ async function start(): Promise<void> {
       state.certificate = certificate;
       if (content.series > 0 && corrected) {
         state.fields = atNodes(Float32Array.from(corrected.displacement));
-        state.certificate = { ...certificate, error: corrected.error };
+        const error = corrected.error.map(
+          (value, i) => value + state.displacement![i] - corrected.displacement[i],
+        ); // with that of single precision
+        state.certificate = { ...certificate, error };
         addToCurve();
       }
       show();
@@ -276,7 +278,6 @@ async function start(): Promise<void> {
     times: [],
     measure: false,
   };
-  panel.tell("Reading the network …");
   show();
   performance.mark("first frame");
   handle.ready = prepare();

@@ -1,19 +1,16 @@
-/** The panel beside the body: loads, colours, numbers, saving. */
+/** The panel beside the body, which `surrogate/page/page.html.j2` writes: its inputs and texts. */
 
 import { COLOUR_FIELDS, type FieldName } from "./colours";
 import { Curve } from "./curve";
-import { Gestures } from "./gestures";
-import { Sliders } from "./sliders";
-import { Stiffness } from "./stiffness";
-import { make } from "./elements";
+import { predictCommand, size } from "./loads";
 import { LoadCards } from "./load_cards";
-import { predictCommand } from "./loads";
 import { largest, lengths } from "./mechanics/vectors";
-import type { State } from "./state";
-import { asLength, digits, forceUnit, lengthUnit, place, unitOf } from "./units";
+import type { Gesture, State } from "./state";
+import { asForce, asLength, digits, forceUnit, lengthUnit, place, typed, unitOf } from "./units";
 
-const TOLERANCE = 5e-3; // of the largest displacement, of the command of a series
+const TOLERANCE = 1e-4; // of the largest displacement, of the command of a series
 const LARGE_SHARE = 0.1; // of the displacement, of an estimated error that is shown in red
+const PASTED = 2000; // ms that a button says so
 
 /** What the panel asks of the page. */
 export interface Actions {
@@ -22,149 +19,171 @@ export interface Actions {
   save: (kind: "png" | "csv" | "npz") => void;
 }
 
+/** An element of the page. */
+export function find(selector: string): HTMLElement {
+  return document.querySelector<HTMLElement>(selector)!;
+}
+
+/** Inputs of a selector; those of sliders stand in pairs, the slider first. */
+function inputs(selector: string): HTMLInputElement[] {
+  return [...document.querySelectorAll<HTMLInputElement>(`${selector} input`)];
+}
+
+/** Listen to an input of finite numbers; the function that shows what it stands for. */
+export function bind(
+  input: HTMLInputElement,
+  read: () => number,
+  write: (value: number) => void,
+): () => void {
+  input.addEventListener("input", () => {
+    if (Number.isFinite(input.valueAsNumber)) write(input.valueAsNumber);
+  });
+  const show = (): void => {
+    if (document.activeElement !== input) input.value = typed(read());
+  };
+  input.addEventListener("blur", show);
+  return show;
+}
+
 export class Panel {
-  readonly stage = make("main", { id: "stage" });
-  readonly canvas = make("canvas", {
-    tabindex: "0",
-    role: "application",
-    "aria-label": "The body. Press on it and drag to load it; keys are listed in the panel.",
-  });
-  readonly labels = make("div", { id: "labels" });
-  readonly curve: Curve;
-  private readonly warnings = make("div", {
-    id: "warnings",
-    role: "status",
-    "aria-live": "polite",
-  });
-  private readonly hint = make("p", { id: "hint" });
-  private readonly bar = make("div", { id: "bar" });
+  readonly stage = find("#stage");
+  readonly canvas = find("#stage canvas") as HTMLCanvasElement;
+  readonly labels = find("#labels");
+  readonly curve = new Curve(find("#curve") as HTMLCanvasElement);
   private readonly cards: LoadCards;
-  private readonly sliders: [string, Sliders][] = [];
-  private readonly gestures: Gestures;
-  private readonly stiffness: Stiffness | null;
-  private readonly readout = make("dl");
-  private readonly estimate = make("p", { id: "estimate" });
-  private readonly command = make("code", { tabindex: "0", "aria-label": "command" });
-  private readonly curveTitle = make("p", { class: "none" });
+  private readonly shown: (() => void)[] = [];
 
   constructor(
-    root: HTMLElement,
     private readonly state: State,
     private readonly actions: Actions,
   ) {
-    const { content } = state;
-    const canvas = make("canvas", {
-      id: "curve",
-      role: "img",
-      "aria-label": "Force against displacement",
-    });
-    this.curve = new Curve(canvas);
+    const { loads, content } = state;
     const changed = (): void => {
       actions.changed("loads");
     };
     this.cards = new LoadCards(state, changed);
-    const [force, length] = [forceUnit(), lengthUnit()];
-    if (content.density) {
-      const names = content.density.map((_, i): [string, string] => [
-        `b${"xyz"[i]}`,
-        `b${"xyz"[i]} in ${force}/${length}³`,
-      ]);
-      const { force: values } = state.loads.body;
-      const sliders = new Sliders("body-force", values, content.density, names, changed);
-      this.sliders.push(["Body force", sliders]);
-    }
-    if (content.pressed.length > 0) {
-      const names = content.pressed.map((name, i): [string, string] => {
-        const surface = name || `surface ${i + 1}`;
-        return [`pressure on ${surface}`, `${surface} in ${force}/${length}²`];
+    const sliders: [string, number[]][] = [
+      ["#body-force", loads.body.force],
+      ["#pressures", loads.pressures],
+    ];
+    for (const [selector, values] of sliders) {
+      inputs(selector).forEach((input, i) => {
+        const write = (value: number): void => {
+          values[i >> 1] = value;
+          changed();
+        };
+        this.shown.push(bind(input, () => values[i >> 1], write));
       });
-      const { pressures } = state.loads;
-      const sliders = new Sliders("pressures", pressures, content.largestPressures, names, changed);
-      this.sliders.push(["Pressure", sliders]);
     }
-    this.gestures = new Gestures(state, changed);
-    this.stiffness = content.youngModulus
-      ? new Stiffness(state, content.youngModulus, changed)
-      : null;
-    const section = (title: string, ...children: HTMLElement[]): HTMLElement =>
-      make("section", {}, make("h2", {}, title), ...children);
-    const passes = content.passes === null ? "" : `, ${content.passes} passes`;
-    this.stage.append(this.canvas, this.labels, this.warnings, this.hint, this.bar);
-    root.append(
-      this.stage,
-      make(
-        "aside",
-        { id: "panel" },
-        make(
-          "header",
-          {},
-          make("h1", {}, content.case),
-          make("p", {}, `${content.network}${passes}`),
-        ),
-        section("A drag on the body", this.gestures.element),
-        section("Loads", this.cards.element),
-        ...this.sliders.map(([title, { element }]) => section(title, element)),
-        ...(this.stiffness ? [section("Young's modulus", this.stiffness.element)] : []),
-        section("Colours", this.choices()),
-        ...(content.certified ? [section("Estimated error", this.estimate)] : []),
-        section("At the node", this.readout),
-        section("Force and displacement", this.curveTitle, canvas),
-        section("The same by the program", this.command, this.copyButton()),
-        section("Save", this.saveButtons()),
-        help(content.d),
-      ),
-    );
+    const modulus = content.youngModulus ?? 1;
+    const stiffen = (stiffness: number): void => {
+      if (stiffness > 0) state.stiffness = stiffness;
+      changed();
+    };
+    inputs("#stiffness").forEach((input, i) => {
+      const isSlider = i === 0;
+      const read = (): number =>
+        isSlider ? Math.log10(state.stiffness) : modulus * state.stiffness;
+      const slid = (decades: number): number =>
+        decades === 0 ? 1 : Number(typed(10 ** decades * modulus)) / modulus;
+      this.shown.push(
+        bind(input, read, (value) => {
+          stiffen(isSlider ? slid(value) : value / modulus);
+        }),
+      );
+    });
+    const resize = (radius: number): void => {
+      if (radius > 0) state.radius = radius;
+      if (state.tool) remove();
+    };
+    const remove = (): void => {
+      state.put(null);
+      changed();
+    };
+    this.shown.push(bind(find("#radius") as HTMLInputElement, () => state.radius, resize));
+    find("#take-away").addEventListener("click", remove);
+    for (const input of inputs("section:first-of-type [role=radiogroup]")) {
+      input.addEventListener("change", () => {
+        state.gesture = input.value as Gesture;
+        this.updateTool();
+      });
+    }
+    find("#colours").append(...state.choices.map((name) => this.choice(name)));
+    find("#copy").addEventListener("click", copy);
+    for (const kind of ["png", "csv", "npz"] as const) {
+      find(`#save-${kind}`).addEventListener("click", () => {
+        actions.save(kind);
+      });
+    }
   }
 
   /** Say what is going on; an empty text for nothing. */
   tell(text: string): void {
-    this.hint.textContent = text;
+    find("#hint").textContent = text;
   }
 
   /** Show the state. */
-  update(largest: number): void {
+  update(most: number): void {
     const { state } = this;
+    const { content, loads } = state;
     const warnings = [...state.warnings().values()];
     this.stage.classList.toggle("outside", warnings.length > 0);
     const texts = warnings.map((text) => `${text}: the prediction may be wrong.`);
-    if (texts.join() !== Array.from(this.warnings.children, (p) => p.textContent).join()) {
-      this.warnings.replaceChildren(...texts.map((text) => make("p", {}, text)));
-    }
+    const shown = find("#warnings");
+    if (texts.join() !== Array.from(shown.children, (p) => p.textContent).join())
+      shown.replaceChildren(...texts.map((text) => element("p", text)));
     this.cards.update();
-    for (const [, sliders] of this.sliders) sliders.update();
-    this.gestures.update();
-    this.stiffness?.update();
+    for (const show of this.shown) show();
+    this.updateTool();
     this.curve.draw();
-    this.updateBar(largest);
-    this.updateEstimate();
+    this.updateBar(most);
+    if (content.certified) this.updateEstimate();
     this.updateReadout();
-    const { run, series, certified, youngModulus } = state.content;
-    const tolerance = series > 0 && certified ? TOLERANCE : null;
+    const { run, series, certified, youngModulus } = content;
     const { tool, stiffness } = state;
-    const modulus = youngModulus && stiffness !== 1 ? youngModulus * stiffness : null;
-    this.command.textContent = state.isLoaded
-      ? predictCommand(run, state.loads, state.content, { tool, modulus, tolerance })
+    find("#command").textContent = state.isLoaded
+      ? predictCommand(run, loads, content, {
+          tool,
+          modulus: youngModulus && stiffness !== 1 ? youngModulus * stiffness : null,
+          tolerance: series > 0 && certified ? TOLERANCE : null,
+        })
       : "Set a load first.";
-    const node = state.loads.selected?.node;
-    const band = state.content.passes !== null || Object.keys(state.content.deviations).length > 0;
-    this.curveTitle.textContent =
+    const node = loads.selected?.node;
+    const band = content.passes !== null || Object.keys(content.deviations).length > 0;
+    find("#curve-title").textContent =
       node === undefined
         ? "Drag a load to see the curve of its node."
         : `Node at ${this.placeOf(node)}${band ? ", with its 95 % band" : ""}`;
   }
 
-  private updateBar(largest: number): void {
+  /** What the sphere does. */
+  private updateTool(): void {
+    const { tool, gesture, loads } = this.state;
+    const reading = find("#tool-force");
+    find("#tool").hidden = gesture !== "push" && !tool;
+    reading.hidden = !tool;
+    const force = this.state.reaction();
+    const [factor] = unitOf(size(force), forceUnit());
+    const count = loads.contacts.length;
+    const nodes = `${count} node${count === 1 ? "" : "s"}`;
+    reading.textContent =
+      count === 0
+        ? "The sphere touches nothing."
+        : `The sphere pushes by ${asForce(size(force))}, ${place(force.map((value) => value / factor))}, on ${nodes}.`;
+  }
+
+  private updateBar(most: number): void {
     const { label, palette } = COLOUR_FIELDS[this.state.field];
-    const [factor, unit] = unitOf(largest, lengthUnit());
-    const values = this.state.values();
-    const ramp = make("div", { class: "ramp" });
-    ramp.style.background = `linear-gradient(90deg, ${palette.join(", ")})`;
-    const ticks = [0, 0.5, 1].map((part) => make("span", {}, digits((part * largest) / factor)));
-    const name = values ? `${label} in ${unit}` : `${label}: ${this.missing()}`;
-    this.bar.replaceChildren(
-      make("div", { class: "name" }, name),
-      ...(values ? [ramp, make("div", { class: "ticks" }, ...ticks)] : []),
-    );
+    const [factor, unit] = unitOf(most, lengthUnit());
+    const isShown = this.state.values() !== null;
+    find("#bar .name").textContent = isShown
+      ? `${label} in ${unit}`
+      : `${label}: ${this.missing()}`;
+    find("#bar .ramp").hidden = !isShown;
+    find("#bar .ramp").style.background = ramp(palette);
+    document.querySelectorAll("#bar span").forEach((tick, i) => {
+      tick.textContent = isShown ? digits(((i / 2) * most) / factor) : "";
+    });
   }
 
   /** Why there are no values of the chosen field. */
@@ -190,32 +209,31 @@ export class Panel {
     } else if (certificate) {
       text = "None: the forces of the prediction are no finite numbers.";
     }
-    this.estimate.textContent = text;
-    this.estimate.classList.toggle("bad", isBad);
+    find("#estimate").textContent = text;
+    find("#estimate").classList.toggle("bad", isBad);
   }
 
   private updateReadout(): void {
     const { state } = this;
     const node = state.node ?? state.loads.selected?.node ?? null;
     if (node === null) {
-      this.readout.replaceChildren(make("dd", { class: "none" }, "Point at the body."));
+      find("#readout").replaceChildren(element("dd", "Point at the body.", "none"));
       return;
     }
     const u = state.displacementAt(node);
     const rows: [string, string][] = [
       ["Place", this.placeOf(node)],
       ...u.map((value, i): [string, string] => [`u${"xyz"[i]}`, asLength(value, 4)]),
-      ["|u|", asLength(Math.hypot(...u), 4)],
+      ["|u|", asLength(size(u), 4)],
     ];
     for (const name of state.choices.slice(1)) {
       const { d } = state.content;
       const vectors = state.vectors(name);
-      const length =
-        vectors && Math.hypot(...Array.from({ length: d }, (_, i) => vectors[node * d + i]));
-      rows.push([COLOUR_FIELDS[name].label, length === null ? "–" : asLength(length)]);
+      const vector = vectors && Array.from({ length: d }, (_, i) => vectors[node * d + i]);
+      rows.push([COLOUR_FIELDS[name].label, vector ? asLength(size(vector)) : "–"]);
     }
-    this.readout.replaceChildren(
-      ...rows.flatMap(([term, text]) => [make("dt", {}, term), make("dd", {}, text)]),
+    find("#readout").replaceChildren(
+      ...rows.flatMap(([term, text]) => [element("dt", term), element("dd", text)]),
     );
   }
 
@@ -224,64 +242,42 @@ export class Panel {
     return `${place(coordinates.subarray(node * d, node * d + d), 4)} ${lengthUnit()}`;
   }
 
-  private choices(): HTMLElement {
-    const choice = (name: FieldName): HTMLElement => {
-      const { label, palette } = COLOUR_FIELDS[name];
-      const sample = make("i");
-      sample.style.background = `linear-gradient(90deg, ${palette.join(", ")})`;
-      const change = (): void => {
-        this.state.field = name;
-        this.actions.changed("field");
-      };
-      const checked = this.state.field === name;
-      const button = make("input", { type: "radio", name: "field", value: name, checked, change });
-      return make("label", {}, button, sample, label);
-    };
-    return make("div", { class: "choices", role: "radiogroup" }, ...this.state.choices.map(choice));
-  }
-
-  private copyButton(): HTMLElement {
-    const button = make("button", { type: "button" }, "Copy the command");
-    button.addEventListener("click", () => {
-      const selection = window.getSelection();
-      selection?.selectAllChildren(this.command);
-      void navigator.clipboard.writeText(this.command.textContent).then(
-        () => (button.textContent = "Copied"),
-        () => (button.textContent = "Selected: press Ctrl+C"),
-      );
-      setTimeout(() => (button.textContent = "Copy the command"), 2000);
+  /** The choice of a colour field. */
+  private choice(name: FieldName): HTMLElement {
+    const { label, palette } = COLOUR_FIELDS[name];
+    const [row, input, sample] = [element("label"), element("input"), element("i")];
+    Object.assign(input, { type: "radio", name: "field", value: name });
+    input.checked = this.state.field === name;
+    input.addEventListener("change", () => {
+      this.state.field = name;
+      this.actions.changed("field");
     });
-    return button;
-  }
-
-  private saveButtons(): HTMLElement {
-    const kinds = ["png", "csv", "npz"] as const;
-    const buttons = kinds.map((kind) => {
-      const click = (): void => {
-        this.actions.save(kind);
-      };
-      return make("button", { type: "button", click, id: `save-${kind}` }, kind.toUpperCase());
-    });
-    return make("div", { class: "row" }, ...buttons);
+    sample.style.background = ramp(palette);
+    row.append(input, sample, label);
+    return row;
   }
 }
 
-/** Keys and gestures. */
-function help(d: number): HTMLElement {
-  const view =
-    d === 2
-      ? "drag beside the body to move the view"
-      : "drag beside the body, or with the right button, to turn it";
-  const items: [string, string][] = [
-    ["", `Press on the body and drag: the force follows. Wheel or two fingers: zoom; ${view}.`],
-    [", .", "previous and next node (with the body in focus)"],
-    ["Enter", "load this node"],
-    ["← → ↑ ↓", "change the selected force; with Shift five times as much"],
-    ["Delete", "remove the selected load"],
-    ["+ − 0", "zoom, whole body"],
-  ];
-  const lines = items.map(([key, text]) =>
-    make("li", {}, ...(key ? [make("kbd", {}, key), " "] : []), text),
+function ramp(palette: readonly string[]): string {
+  return `linear-gradient(90deg, ${palette.join(", ")})`;
+}
+
+/** Make an element with a text. */
+export function element<K extends keyof HTMLElementTagNameMap>(
+  tag: K,
+  text = "",
+  name = "",
+): HTMLElementTagNameMap[K] {
+  return Object.assign(document.createElement(tag), { textContent: text, className: name });
+}
+
+/** Copy the command, or select it where that is not allowed. */
+function copy({ target }: Event): void {
+  const [button, command] = [target as HTMLButtonElement, find("#command")];
+  window.getSelection()?.selectAllChildren(command);
+  void navigator.clipboard.writeText(command.textContent).then(
+    () => (button.textContent = "Copied"),
+    () => (button.textContent = "Selected: press Ctrl+C"),
   );
-  return make("details", {}, make("summary", {}, "Gestures and keys"), make("ul", {}, ...lines));
+  setTimeout(() => (button.textContent = "Copy the command"), PASTED);
 }

@@ -3,9 +3,8 @@
 import { Vector3 } from "three";
 import { size, type Load } from "./loads";
 import type { State, Tool } from "./state";
-import { loadableNodes } from "./view/body_mesh";
 import type { Scene } from "./view/scene";
-import { movableSurface, outwardsAt } from "./view/surface_nodes";
+import { loadableNodes, movableSurface, outwardsAt } from "./view/body_mesh";
 
 const STEP = 0.05; // of the training's largest force, for a key
 

@@ -60,8 +60,8 @@ export class Equilibrium {
   /** Set the pressures of the surfaces in Pa. */
   under(pressures: readonly number[]): void {
     const { d, coordinates, surfaces } = this.solid.body;
-    const acts = surfaces !== null && pressures.some((value) => value !== 0);
-    this.pressure = acts ? new Pressure(d, coordinates, surfaces, pressures) : null;
+    const acts = pressures.some((value) => value !== 0);
+    this.pressure = surfaces && acts ? new Pressure(d, coordinates, surfaces, pressures) : null;
   }
 
   /** r(u) in N, zero at clamped nodes; NaN where a cell is inverted, or a number is not finite. */

@@ -38,16 +38,16 @@ export interface Body {
   rounding: { energy: number; atRest: number; perDisplacement: number };
   /** Functions of a dilation θ that elements have in place of J: at the quadrature points, and their
    * numbers in every cell; whether cells share them. */
-  dilation: { shapes: number[][]; nodes: Int32Array; joined: boolean } | null;
+  dilation?: { shapes: number[][]; nodes: Int32Array; joined: boolean };
   /** Unit directions of fibres, (cells, families, d). */
-  fibres: Float64Array | null;
+  fibres?: Float64Array;
   /** Free unknowns: displacements, point · d + component, then θ and p. */
   order: Int32Array;
-  surfaces: Surfaces | null;
+  surfaces?: Surfaces;
   /** Nodes, with weights, whose mean each point between the nodes is at first. */
-  between: Rows | null;
+  between?: Rows;
   /** Nodes, with weights, that a force at each node reaches by way of an embedded grid. */
-  spread: Rows | null;
+  spread?: Rows;
 }
 
 /** Forces in N and pressures in Pa. */

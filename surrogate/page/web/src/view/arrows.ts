@@ -1,9 +1,17 @@
 /** The arrows of the loads, each with its label. */
 
-import { ConeGeometry, CylinderGeometry, Group, Mesh, type ShaderMaterial, Vector3 } from "three";
+import {
+  ConeGeometry,
+  CylinderGeometry,
+  Group,
+  MathUtils,
+  Mesh,
+  Vector3,
+  type ShaderMaterial,
+} from "three";
 import { size, type Load } from "../loads";
 import { asForce } from "../units";
-import { plainMaterial, rgb } from "./materials";
+import { material, rgb } from "./materials";
 
 const SELECTED = 0xc2410c;
 const OTHER = 0x7c3a1d;
@@ -14,6 +22,7 @@ interface Arrow {
   group: Group;
   shaft: Mesh;
   head: Mesh;
+  look: ShaderMaterial;
   label: HTMLElement;
 }
 
@@ -55,7 +64,7 @@ export class Arrows {
       vector.multiplyScalar(metres);
       this.place(arrow, at(load.node), vector);
       const colour = beyond(load) ? BEYOND : load === selected ? SELECTED : OTHER;
-      (arrow.shaft.material as ShaderMaterial).uniforms.colour.value = rgb(colour);
+      arrow.look.uniforms.colour.value = rgb(colour);
       const tip = at(load.node).add(vector);
       const { x, y } = project(tip);
       const held = load.held ? ", held" : "";
@@ -64,8 +73,8 @@ export class Arrows {
       const { clientWidth, clientHeight } = this.overlay;
       const width = arrow.label.offsetWidth + 8;
       const beside = x + 10 + width < clientWidth ? x + 10 : x - 10 - width;
-      const left = between(beside, 4, clientWidth - width);
-      const top = between(y - 10, 4, clientHeight - arrow.label.offsetHeight - 4);
+      const left = MathUtils.clamp(beside, 4, clientWidth - width);
+      const top = MathUtils.clamp(y - 10, 4, clientHeight - arrow.label.offsetHeight - 4);
       arrow.label.style.transform = `translate(${left}px, ${top}px)`;
     });
   }
@@ -82,17 +91,17 @@ export class Arrows {
   }
 
   private add(load: Load): Arrow {
-    const material = plainMaterial(OTHER, 1);
-    material.depthTest = false;
-    const shaft = new Mesh(new CylinderGeometry(0.5, 0.5, 1, 12).translate(0, 0.5, 0), material);
-    const head = new Mesh(new ConeGeometry(1, 1, 20).translate(0, 0.5, 0), material);
+    const look = material({ colour: OTHER, opacity: 1 });
+    look.depthTest = false;
+    const shaft = new Mesh(new CylinderGeometry(0.5, 0.5, 1, 12).translate(0, 0.5, 0), look);
+    const head = new Mesh(new ConeGeometry(1, 1, 20).translate(0, 0.5, 0), look);
     shaft.renderOrder = head.renderOrder = 2;
     const group = new Group();
     group.add(shaft, head);
     const label = document.createElement("span");
     label.className = "arrow-label";
     this.overlay.append(label);
-    const arrow = { group, shaft, head, label };
+    const arrow = { group, shaft, head, look, label };
     this.arrows.set(load, arrow);
     this.group.add(group);
     return arrow;
@@ -105,8 +114,4 @@ export class Arrows {
     arrow.head.geometry.dispose();
     this.arrows.delete(load);
   }
-}
-
-function between(value: number, low: number, high: number): number {
-  return Math.max(low, Math.min(value, high));
 }

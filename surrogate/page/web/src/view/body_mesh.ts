@@ -14,7 +14,7 @@ import {
 } from "three";
 import { NEUTRAL, scale, type Rgb } from "../colours";
 import type { Content } from "../content";
-import { discMaterial, plainMaterial, surfaceMaterial } from "./materials";
+import { material } from "./materials";
 
 const INK = 0x1d2733;
 const GHOST = 0x7d8796;
@@ -39,10 +39,8 @@ export class BodyMesh {
     this.positions = this.rest.slice();
     this.nodes = dynamic(this.positions);
     const surface = geometryOf(dynamic(new Float32Array(vertices.length * 3)), content.triangles);
-    for (const name of d === 2 ? ["colour"] : ["colour", "normal"]) {
-      surface.setAttribute(name, dynamic(new Float32Array(vertices.length * 3)));
-    }
-    this.surface = new Mesh(surface, surfaceMaterial(d));
+    surface.setAttribute("colour", dynamic(new Float32Array(vertices.length * 3)));
+    this.surface = new Mesh(surface, material({ shade: d === 2 ? 0 : 0.38 }));
     this.surface.frustumCulled = false;
     this.cursor = this.discs([0], 15, CURSOR, 1);
     this.cursor.visible = false;
@@ -67,7 +65,7 @@ export class BodyMesh {
 
   /** Move the nodes by displacements in m; null moves them to rest. */
   move(displacement: Float32Array | null): void {
-    const { d, nodes, vertices, triangles } = this.content;
+    const { d, nodes, vertices } = this.content;
     this.positions.set(this.rest);
     if (displacement) {
       for (let node = 0; node < nodes; node++) {
@@ -77,13 +75,11 @@ export class BodyMesh {
     this.nodes.needsUpdate = true;
     const { geometry } = this.surface;
     const place = geometry.getAttribute("position");
-    copyRows(this.positions, vertices, place.array as Float32Array);
+    vertices.forEach((node, vertex) => {
+      for (let i = 0; i < 3; i++) place.array[vertex * 3 + i] = this.positions[node * 3 + i];
+    });
     place.needsUpdate = true;
-    if (d === 3) {
-      const normals = geometry.getAttribute("normal");
-      setNormals(place.array as Float32Array, triangles, normals.array as Float32Array);
-      normals.needsUpdate = true;
-    }
+    if (d === 3) geometry.computeVertexNormals();
   }
 
   /** Colour the nodes by values from 0 to `largest`; null colours them grey. */
@@ -123,7 +119,7 @@ export class BodyMesh {
   }
 
   private discs(index: ArrayLike<number>, size: number, colour: number, opacity: number): Points {
-    const points = new Points(geometryOf(this.nodes, index), discMaterial(colour, opacity, size));
+    const points = new Points(geometryOf(this.nodes, index), material({ colour, opacity, size }));
     points.frustumCulled = false;
     return points;
   }
@@ -154,34 +150,27 @@ function segments(
   colour: number,
   opacity: number,
 ): LineSegments {
-  const lines = new LineSegments(geometryOf(place, index), plainMaterial(colour, opacity));
+  const lines = new LineSegments(geometryOf(place, index), material({ colour, opacity }));
   lines.frustumCulled = false;
   return lines;
 }
 
-function copyRows(from: Float32Array, rows: Int32Array, to: Float32Array): void {
-  for (let row = 0; row < rows.length; row++) {
-    for (let i = 0; i < 3; i++) to[row * 3 + i] = from[rows[row] * 3 + i]!;
-  }
+/** Nodes of the surface that can move. */
+export function movableSurface({ d, vertices, features, clamped }: Content): number[] {
+  const drawn = new Set(d === 2 ? features : vertices);
+  return [...drawn].filter((node) => !clamped[node]).sort((a, b) => a - b);
 }
 
-/** Sums of the normals of the triangles at every vertex, each as long as twice its area. */
-function setNormals(places: Float32Array, triangles: Int32Array, normals: Float32Array): void {
-  normals.fill(0);
-  for (let first = 0; first < triangles.length; first += 3) {
-    const a = triangles[first] * 3;
-    const b = triangles[first + 1] * 3;
-    const c = triangles[first + 2] * 3;
-    const p = places[b] - places[a];
-    const q = places[b + 1] - places[a + 1];
-    const r = places[b + 2] - places[a + 2];
-    const s = places[c] - places[a];
-    const t = places[c + 1] - places[a + 1];
-    const u = places[c + 2] - places[a + 2];
-    for (const corner of [a, b, c]) {
-      normals[corner] += q * u - r * t;
-      normals[corner + 1] += r * s - p * u;
-      normals[corner + 2] += p * t - q * s;
-    }
+/** Unit vector from the middle of the cells at a node of the surface to the node. */
+export function outwardsAt(
+  node: number,
+  { cells, corners }: Content,
+  at: (node: number) => Vector3,
+): Vector3 {
+  const around = new Vector3();
+  for (let first = 0; first < cells.length; first += corners) {
+    const cell = cells.subarray(first, first + corners);
+    if (cell.includes(node)) for (const corner of cell) around.add(at(node).sub(at(corner)));
   }
+  return around.normalize();
 }

@@ -3,74 +3,47 @@
  * so that a processor without graphics draws them in time.
  */
 
-import { DoubleSide, ShaderMaterial, Color } from "three";
+import { Color, DoubleSide, ShaderMaterial } from "three";
 
-const OPAQUE = `
-  varying vec3 tint;
-  void main() { gl_FragColor = vec4(tint, 1.0); }
-`;
-const PLACE = "gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);";
+interface Look {
+  /** Of all that is drawn; by default that of the vertices, in front of which lines are drawn. */
+  colour?: number;
+  /** Less than 1 where one looks through; by default there is no blending at all. */
+  opacity?: number;
+  /** How much darker faces are that are turned away. */
+  shade?: number;
+  /** Diameter of points in pixels of the page. */
+  size?: number;
+}
 
-/** A surface in the colours of its vertices; in space darker where it is turned away. */
-export function surfaceMaterial(d: number): ShaderMaterial {
-  const shade = d === 2 ? "1.0" : "0.62 + 0.38 * abs(normalize(normalMatrix * normal).z)";
+export function material({ colour, opacity, shade = 0, size = 0 }: Look): ShaderMaterial {
+  const isOwn = colour === undefined;
+  const pixels = (size * window.devicePixelRatio).toFixed(1);
+  const light =
+    shade > 0 ? `${1 - shade} + ${shade} * abs(normalize(normalMatrix * normal).z)` : "1.0";
+  const disc = `clamp(0.5 * ${pixels} - length(gl_PointCoord - 0.5) * ${pixels}, 0.0, 1.0)`;
   return new ShaderMaterial({
+    uniforms: { colour: { value: rgb(colour ?? 0) }, opacity: { value: opacity ?? 1 } },
     vertexShader: `
-      attribute vec3 colour;
+      ${isOwn ? "attribute" : "uniform"} vec3 colour;
       varying vec3 tint;
-      void main() { tint = colour * (${shade}); ${PLACE} }
+      void main() {
+        tint = colour * (${light});
+        gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
+        gl_PointSize = ${pixels};
+      }
     `,
-    fragmentShader: OPAQUE,
+    fragmentShader: `
+      uniform float opacity;
+      varying vec3 tint;
+      void main() { gl_FragColor = vec4(tint, opacity * ${size > 0 ? disc : "1.0"}); }
+    `,
+    transparent: opacity !== undefined,
     side: DoubleSide,
-    polygonOffset: true,
+    polygonOffset: isOwn,
     polygonOffsetFactor: 1,
     polygonOffsetUnits: 1,
   });
-}
-
-/** A surface of one colour, shaded as the body is. */
-export function shadedMaterial(colour: number, d: number): ShaderMaterial {
-  const shade = d === 2 ? "1.0" : "0.45 + 0.55 * abs(normalize(normalMatrix * normal).z)";
-  const material = plainMaterial(colour, 1);
-  material.transparent = false;
-  material.vertexShader = `
-    uniform vec3 colour;
-    varying vec3 tint;
-    void main() { tint = colour * (${shade}); ${PLACE} }
-  `;
-  material.fragmentShader = OPAQUE;
-  return material;
-}
-
-/** Lines or faces of one colour. */
-export function plainMaterial(colour: number, opacity: number): ShaderMaterial {
-  return new ShaderMaterial({
-    uniforms: { colour: { value: rgb(colour) }, opacity: { value: opacity } },
-    vertexShader: `void main() { ${PLACE} }`,
-    fragmentShader: `
-      uniform vec3 colour;
-      uniform float opacity;
-      void main() { gl_FragColor = vec4(colour, opacity); }
-    `,
-    transparent: true,
-    side: DoubleSide,
-  });
-}
-
-/** Discs of one colour and size in pixels of the page. */
-export function discMaterial(colour: number, opacity: number, size: number): ShaderMaterial {
-  const pixels = (size * window.devicePixelRatio).toFixed(1);
-  const material = plainMaterial(colour, opacity);
-  material.vertexShader = `void main() { ${PLACE} gl_PointSize = ${pixels}; }`;
-  material.fragmentShader = `
-    uniform vec3 colour;
-    uniform float opacity;
-    void main() {
-      float away = length(gl_PointCoord - 0.5) * ${pixels};
-      gl_FragColor = vec4(colour, opacity * clamp(0.5 * ${pixels} - away, 0.0, 1.0));
-    }
-  `;
-  return material;
 }
 
 /** Components of a colour as they are shown. */

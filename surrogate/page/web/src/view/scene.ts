@@ -1,12 +1,16 @@
 /** The scene: body, supports, arrows, camera; it draws when something has changed. */
 
 import {
+  Box3,
+  CircleGeometry,
+  Mesh,
   MOUSE,
   OrthographicCamera,
   PerspectiveCamera,
   Plane,
   Raycaster,
   Scene as ThreeScene,
+  SphereGeometry,
   TOUCH,
   Vector2,
   Vector3,
@@ -18,12 +22,13 @@ import type { State } from "../state";
 import { isBeyond } from "../training_range";
 import { ceiling } from "../units";
 import { Arrows } from "./arrows";
-import { Ball } from "./ball";
 import { BodyMesh } from "./body_mesh";
+import { material } from "./materials";
 import { supportMarks } from "./supports";
 
 const REACH = 0.25; // of the body's diagonal: the arrow of the largest force of the training
 const GROUND = 0xf7f9fb;
+const STEEL = 0x6b7684;
 const NEAR = 16; // pixels around a node
 const NARROW = 600; // pixels of a stage on which the lines of a mesh are close together
 const MANY = 10000; // lines that a processor draws only once the picture stands still
@@ -40,7 +45,8 @@ export class Scene {
   private readonly camera: OrthographicCamera | PerspectiveCamera;
   private readonly controls: OrbitControls;
   private readonly arrows: Arrows;
-  private readonly ball: Ball;
+  /** The sphere that pushes the body, a disc in the plane. */
+  private readonly ball: Mesh;
   private readonly raycaster = new Raycaster();
   private readonly centre: Vector3;
   private readonly extent: Vector3;
@@ -63,17 +69,20 @@ export class Scene {
     this.renderer.setPixelRatio(window.devicePixelRatio);
     this.renderer.setClearColor(GROUND);
     this.body = new BodyMesh(content);
-    const { lower, upper } = bounds(this.body.positions);
-    this.extent = upper.clone().sub(lower);
-    this.centre = lower.clone().add(upper).multiplyScalar(0.5);
+    const box = new Box3().setFromArray(this.body.positions);
+    this.extent = box.getSize(new Vector3());
+    this.centre = box.getCenter(new Vector3());
     this.diagonal = this.extent.length();
     this.stiffness = Math.max(...content.largest) / (REACH * this.diagonal);
     this.arrows = new Arrows(overlay, 0.006 * this.diagonal);
-    this.ball = new Ball(content.d);
+    this.ball = new Mesh(
+      content.d === 2 ? new CircleGeometry(1, 96) : new SphereGeometry(1, 48, 32),
+      material({ colour: STEEL, shade: content.d === 2 ? 0 : 0.55 }),
+    );
     this.pickable =
       content.places ?? [...new Set(content.vertices)].filter((node) => !content.clamped[node]);
     const marks = supportMarks(content, this.diagonal);
-    this.three.add(this.body.group, marks, this.ball.mesh, this.arrows.group);
+    this.three.add(this.body.group, marks, this.ball, this.arrows.group);
 
     const far = 50 * this.diagonal;
     this.camera =
@@ -85,13 +94,12 @@ export class Scene {
     this.controls.enableDamping = false;
     this.controls.zoomToCursor = content.d === 2;
     this.controls.enableRotate = content.d === 3;
-    if (content.d === 2) {
-      this.controls.mouseButtons = { LEFT: MOUSE.PAN, MIDDLE: MOUSE.DOLLY, RIGHT: MOUSE.PAN };
-      this.controls.touches = { ONE: TOUCH.PAN, TWO: TOUCH.DOLLY_PAN };
-    } else {
-      this.controls.mouseButtons = { LEFT: MOUSE.ROTATE, MIDDLE: MOUSE.DOLLY, RIGHT: MOUSE.ROTATE };
-      this.controls.touches = { ONE: TOUCH.ROTATE, TWO: TOUCH.DOLLY_ROTATE };
-    }
+    const drag = content.d === 2 ? MOUSE.PAN : MOUSE.ROTATE;
+    this.controls.mouseButtons = { LEFT: drag, MIDDLE: MOUSE.DOLLY, RIGHT: drag };
+    this.controls.touches =
+      content.d === 2
+        ? { ONE: TOUCH.PAN, TWO: TOUCH.DOLLY_PAN }
+        : { ONE: TOUCH.ROTATE, TWO: TOUCH.DOLLY_ROTATE };
     this.resize();
     this.controls.addEventListener("change", () => {
       this.draw();
@@ -153,7 +161,12 @@ export class Scene {
     body.move(state.displacement);
     body.colour(values, this.largest, COLOUR_FIELDS[state.field].palette);
     body.mark(state.node);
-    this.ball.show(state.tool);
+    this.ball.visible = state.tool !== null;
+    if (state.tool) {
+      this.ball.position.fromArray([...state.tool.centre, 0]);
+      this.ball.scale.setScalar(state.tool.radius);
+      this.ball.updateMatrixWorld();
+    }
     this.draw();
   }
 
@@ -207,8 +220,8 @@ export class Scene {
   /** Whether a pointer is on the sphere. */
   meetsTool(x: number, y: number): boolean {
     this.aim(x, y);
-    const met = this.raycaster.intersectObjects([this.ball.mesh, this.body.surface]);
-    return this.ball.mesh.visible && met.length > 0 && met[0].object === this.ball.mesh;
+    const met = this.raycaster.intersectObjects([this.ball, this.body.surface]);
+    return this.ball.visible && met.length > 0 && met[0].object === this.ball;
   }
 
   /** The node that a pointer means: near it if it was loaded in training, else the nearest of the face. */
@@ -264,13 +277,8 @@ export class Scene {
   }
 
   private nearest(nodes: number[], x: number, y: number): number | null {
-    let found: number | null = null;
-    let least = Infinity;
-    for (const node of nodes) {
-      const distance = this.distance(node, x, y);
-      if (distance < least) [found, least] = [node, distance];
-    }
-    return found;
+    const away = nodes.map((node) => this.distance(node, x, y));
+    return nodes[away.indexOf(Math.min(...away))] ?? null;
   }
 }
 
@@ -281,16 +289,4 @@ function isSoftware(): boolean {
   const name = names ? String(gl!.getParameter(names.UNMASKED_RENDERER_WEBGL)) : "";
   gl?.getExtension("WEBGL_lose_context")?.loseContext();
   return /swiftshader|llvmpipe|software|basic render/i.test(name);
-}
-
-function bounds(positions: Float32Array): { lower: Vector3; upper: Vector3 } {
-  const lower = new Vector3(Infinity, Infinity, Infinity);
-  const upper = lower.clone().negate();
-  const point = new Vector3();
-  for (let place = 0; place < positions.length; place += 3) {
-    point.fromArray(positions, place);
-    lower.min(point);
-    upper.max(point);
-  }
-  return { lower, upper };
 }

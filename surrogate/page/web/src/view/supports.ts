@@ -2,7 +2,7 @@
 
 import { BufferAttribute, BufferGeometry, Group, LineSegments, Mesh, Points, Vector3 } from "three";
 import type { Content } from "../content";
-import { discMaterial, plainMaterial } from "./materials";
+import { material } from "./materials";
 
 const COLOUR = 0x3a4554;
 
@@ -26,12 +26,14 @@ export function supportMarks(content: Content, diagonal: number): Group {
         lines.push(corner, corner.clone().addScaledVector(out, 0.7 * tick));
     }
   }
-  if (lines.length > 0) group.add(new LineSegments(geometryOf(lines), plainMaterial(COLOUR, 1)));
-  if (faces.length > 0) group.add(new Mesh(geometryOf(faces), plainMaterial(COLOUR, 0.85)));
+  if (lines.length > 0)
+    group.add(new LineSegments(geometryOf(lines), material({ colour: COLOUR, opacity: 1 })));
+  if (faces.length > 0)
+    group.add(new Mesh(geometryOf(faces), material({ colour: COLOUR, opacity: 0.85 })));
   if (supports.length === 0) {
     const held = Array.from(content.clamped.keys()).filter((node) => content.clamped[node]);
     const points = held.map((node) => position(content, node));
-    group.add(new Points(geometryOf(points), discMaterial(COLOUR, 1, 9)));
+    group.add(new Points(geometryOf(points), material({ colour: COLOUR, opacity: 1, size: 9 })));
   }
   return group;
 }
