@@ -2,8 +2,8 @@
 
 The network gets forces and, where it contains the linear response K⁻¹f, that as a second input.
 Neither K⁻¹ nor a factor of K is in the file: the page assembles K from mesh, elements and the
-recordings of the materials (`surrogate.page.body_data`) and factorises it. Where the response of the
-body is all there is (`model: series`), the page has no network and computes it alone.
+recordings of the materials (`surrogate.page.body_data`) and factorises it. Where the response of
+the body is all there is (`model: series`), the page has no network and computes it alone.
 """
 
 from __future__ import annotations
