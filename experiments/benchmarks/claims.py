@@ -55,7 +55,7 @@ def claim(model: surrogate.Surrogate, loads: SuspectLoads, number: int, seed: in
     mean, (last,) = model.predictor.respond(force)
     is_early = number // len(KINDS) % 2 == 0
     aim, last_term = Aim(TOLERANCE), float(last) if is_early else np.inf
-    u, found = model.descend(force, None, mean, aim, last_term)
+    u, found = model.body.descend(force, None, mean, aim, last_term)
     row: Row = {"kind": kind, "seconds": time.process_time() - begun}
     row |= {"reached": bool(found.reached), "stable": found.stable}
     return row | ({"error": error(model, force, u)} if found.reached else {})

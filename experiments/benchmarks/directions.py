@@ -67,7 +67,7 @@ def judged(model: surrogate.Surrogate, number: int, seed: int) -> Row:
     driven, seconds, directions, reached = [plain], [taken], [0], [False]
     for tolerance in TOLERANCES:
         aim = Aim(tolerance)
-        goes_on = partial(model.descend, dead[0], follows, plain, aim, float(last[0]))
+        goes_on = partial(model.body.descend, dead[0], follows, plain, aim, float(last[0]))
         (displacement, descent), more = timed(goes_on, time.process_time)
         driven.append(displacement)
         seconds.append(taken + more)
@@ -96,7 +96,7 @@ def compare(name: str, count: int, seed: int, kept: Path | None = None) -> Resul
     model = surrogate.load(name)
     force = drawn_loads(model, 1, np.random.default_rng([seed, 0]))
     dead, follows = separated(model.geometry, force)
-    model.descend(dead[0], follows, model.predict(force[0]), Aim(TOLERANCES[-1]))  # compiles
+    model.body.descend(dead[0], follows, model.predict(force[0]), Aim(TOLERANCES[-1]))  # compiles
 
     def said(number: int) -> Row:
         row = judged(model, number, seed)

@@ -76,8 +76,8 @@ def of_run(setting: GpuSetting, folder: Path) -> Results:
     for name, one, other in (("", predicted, expected), ("estimate_", found, error)):
         largest = np.abs(one - other).max() / np.abs(other).max()
         result[f"{name}relative_difference"] = float(largest)
-    if model.blocks is not None:
-        result |= of_solver(setting, model.blocks)
+    if model.body.blocks is not None:
+        result |= of_solver(setting, model.body.blocks)
     calibrated = model.run.fast_certificate.is_file()
     number = iter(range(10**9))
 

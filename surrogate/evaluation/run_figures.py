@@ -51,7 +51,7 @@ def _error_figures(evaluation: Evaluation, title: str) -> Drawings:
     def von_mises() -> Figure:
         (dead, pressure), one = evaluation.acting, slice(example, example + 1)
         load = dead[one], None if pressure is None else pressure[one]
-        both = (evaluation.surrogate.stresses_under(*load, u) for u in (predicted, reference))
+        both = (evaluation.surrogate.body.stresses_under(*load, u) for u in (predicted, reference))
         ours, theirs = (fields["von_mises"][0] for fields in both)
         return von_mises_beside_reference(geometry, predicted, reference, (ours, theirs))
 

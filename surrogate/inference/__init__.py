@@ -2,9 +2,9 @@
 
 =====================  ========================================================================
 `loading`              a network from a run folder, or from the package
-`surrogate`            the network with its body: `Surrogate.solve`, certificates, corrections
-`trained_network`      its base: what it predicts, and when it warns
-`body`                 the base of that: equilibrium, stresses and reactions of the body
+`surrogate`            a body and its predictor: `Surrogate`
+`solving`              what its `solve` does with a load
+`body`                 the body alone: equilibrium, stresses and reactions
 `given_load`           the load that `solve` takes: arrays, or texts and files of a command
 `prediction`           displacements under loads, by a series or a network
 `solution`             what `solve` returns; its figure is `solution_figure`

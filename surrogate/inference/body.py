@@ -1,18 +1,23 @@
-"""The body that a network was trained on: its equilibrium, stresses and reactions."""
+"""A body: its equilibria, the errors of displacements, stresses and reactions."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import torch
 from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
 from shared_schema.common.arguments.real_numbers import real_numbers
+from shared_schema.common.bodies.force_tolerance import ForceTolerance
 from shared_schema.common.errors import InputError
+from shared_schema.common.keys.units import Units
+from shared_schema.materials import Materials, materials_of
 from surrogate.data.elements_of_case import (
     element_of,
     has_points_between,
@@ -28,13 +33,13 @@ from surrogate.mechanics.matrices.tangent_iterations import iterates
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.quadratic import QuadraticEquilibrium
 from surrogate.networks.field_network import FieldNetwork
-from surrogate.runs.description import RunDescription
 
 if TYPE_CHECKING:
+    from surrogate.certify import Certificate, Correction
     from surrogate.descent import Aim, Descent, DrivenBody
-    from surrogate.mechanics.solids.solid import Solid
 
 Array = NDArray[np.float64]
+CPU = torch.device("cpu")
 LARGE = 20000  # components whose stiffness is not factorised for a load like those of a training
 
 
@@ -50,21 +55,44 @@ class Remade:
         }
 
 
-class TrainedBody(Remade):
-    """The body of a run, as far as no prediction is needed.
+class Body(Remade):
+    """Mesh, supports, elements and material, without a way to predict.
 
     Parameters
     ----------
-    network : FieldNetwork
-        Its linear response, if it has one, shares the factor of K(0).
     geometry : Geometry
-    description : RunDescription
+    case : mapping
+        The case's elements, materials, units and tolerance of the solver.
+    shared : sequence of Compliance
+        Those of a predictor, whose factors of K(0) are taken if they are the body's.
+    device : torch.device
+        Where a predictor computes; on a GPU, fast estimates solve there as well.
     """
 
     def __init__(
-        self, network: FieldNetwork, geometry: Geometry, description: RunDescription
+        self,
+        geometry: Geometry,
+        case: Mapping[str, Any],
+        shared: Sequence[Compliance] = (),
+        device: torch.device = CPU,
     ) -> None:
-        self.network, self.geometry, self.description = network, geometry, description
+        self.geometry, self.case, self._shared, self._device = geometry, case, shared, device
+
+    @classmethod
+    def of(cls, network: FieldNetwork, geometry: Geometry, case: Mapping[str, Any]) -> Body:
+        """Make the body that a network predicts on."""
+        shared = [module for module in network.modules() if isinstance(module, Compliance)]
+        return cls(geometry, case, shared, network.free.device)
+
+    @property
+    def material(self) -> Materials:
+        """Material of the body, or those of its parts; InputError if they are not shipped ones."""
+        return materials_of(self.case.get("material"), "material of the run's case")
+
+    @property
+    def units(self) -> Units:
+        """Labels of the units of the case."""
+        return Units.of_case(self.case)
 
     @cached_property
     def equilibrium(self) -> Equilibrium:
@@ -76,31 +104,28 @@ class TrainedBody(Remade):
             If its material is none of the shipped ones, or the learner does not compute the
             equilibria of its elements.
         """
-        data = self.description.data
-        require_known_elements(data.case)
-        whole = element_of(data.case) == "incompressible"
-        between = has_points_between(data.case, self.geometry.cell_type)
+        require_known_elements(self.case)
+        whole = element_of(self.case) == "incompressible"
         found: Equilibrium | None = None
-        if between:
+        if has_points_between(self.case, self.geometry.cell_type):
             geometry = replace(self.geometry, mean_dilation=whole)
-            found = QuadraticEquilibrium(geometry, data.material)
-        for module in () if between else self.network.modules():
-            if isinstance(module, Compliance) and module.equilibrium.mean_dilation == whole:
-                found = module.equilibrium
-        found = found or Equilibrium(self.geometry, data.material)
-        found.units = data.units
+            found = QuadraticEquilibrium(geometry, self.material)
+        else:
+            known = (compliance.equilibrium for compliance in self._shared)
+            found = next((one for one in known if one.mean_dilation == whole), None)
+        found = found or Equilibrium(self.geometry, self.material)
+        found.units = self.units
         return found
 
     @cached_property
     def blocks(self) -> BlockSolve | None:
         """What solves with the stiffness of the body at rest on a GPU; None if that does not."""
-        device = self.network.free.device
-        if device.type == "cpu":
+        if self._device.type == "cpu":
             return None
-        for module in self.network.modules():
-            if isinstance(module, Compliance) and module.equilibrium is self.equilibrium:
-                return module.blocks_on(device)
-        return Compliance(self.geometry, self.description.data.material).blocks_on(device)
+        for compliance in self._shared:
+            if compliance.equilibrium is self.equilibrium:
+                return compliance.blocks_on(self._device)
+        return Compliance(self.geometry, self.material).blocks_on(self._device)
 
     def balanced(self) -> Equilibrium:
         """Equilibrium under dead loads, which has no points between the nodes.
@@ -112,7 +137,7 @@ class TrainedBody(Remade):
             between the nodes.
         """
         what = "proposed loads and refinement"
-        require_nodes_alone(self.description.data.case, self.geometry.cell_type, what)
+        require_nodes_alone(self.case, self.geometry.cell_type, what)
         if self.geometry.pressed is not None:
             raise InputError(
                 f"the loads of the case have a pressure that follows the surface: {what} are for "
@@ -170,11 +195,11 @@ class TrainedBody(Remade):
         return descend(self.driven_body.under(pressure), dead, predicted, aim, last_term)
 
     @property
-    def _knows_compliance(self) -> bool:
-        """Whether K(0) is factorised for predictions, or takes no time."""
-        return self.network.linear is not None or self.geometry.coordinates.size <= LARGE
+    def is_small(self) -> bool:
+        """Whether K(0) is factorised in no time."""
+        return self.geometry.coordinates.size <= LARGE
 
-    def _one_direction(
+    def one_direction(
         self, dead: Array, pressure: FollowerPressure | None, displacement: Array
     ) -> Array | None:
         """Estimated error in m by one direction; None if the learner does not know the body."""
@@ -187,10 +212,24 @@ class TrainedBody(Remade):
         found = first_direction(body, dead, displacement)
         return np.full(displacement.shape, np.inf) if found is None else -found
 
-    @property
-    def stressed(self) -> Solid:
-        """The solid whose stresses are known; InputError as `equilibrium`."""
-        return self.equilibrium.solid
+    def certify(
+        self, dead: Array, pressure: FollowerPressure | None, displacement: Array
+    ) -> Certificate:
+        """Estimate errors as `Surrogate.certify` does, of checked loads and displacements."""
+        from surrogate.certify.full_certificate import certify, certify_each
+
+        if pressure is None:
+            return certify(self._iterating, dead, displacement)
+        return certify_each(self._iterating, pressure, dead, displacement)
+
+    def correct(
+        self, dead: Array, pressure: FollowerPressure | None, displacement: Array
+    ) -> Correction:
+        """Go on to the equilibrium under one checked load, as `Surrogate.correct` does."""
+        from surrogate.certify.correction import correct
+
+        tolerance = ForceTolerance.of_case(self.case)
+        return correct(self.under(pressure), dead, displacement, tolerance)
 
     def stresses(
         self,
@@ -266,7 +305,7 @@ class TrainedBody(Remade):
                 )
             acting[:, : rows[0]] += of_pressures.reshape(-1, *rows, d)
         at_points = body.at_points(u.reshape(-1, nodes, d), acting)
-        found = reactions(self.stressed, body.geometry, at_points, acting)
+        found = reactions(self.equilibrium.solid, body.geometry, at_points, acting)
         return np.asarray(body.forces_at_nodes(found).reshape(u.shape))
 
     def _load_on(self, u: Array, forces: ArrayLike | Tensor | None) -> Array:
@@ -304,12 +343,14 @@ class TrainedBody(Remade):
         from surrogate.mechanics.stresses import cell_stresses
 
         at_points, _ = self._under_load(dead, pressure, u)
-        return cell_stresses(self.stressed, self.equilibrium.geometry, at_points)
+        return cell_stresses(self.equilibrium.solid, self.equilibrium.geometry, at_points)
 
     def reactions_under(self, dead: Array, pressure: FollowerPressure | None, u: Array) -> Array:
         """Reactions in N of the same displacements, of their shape."""
         from surrogate.mechanics.stresses import reactions
 
         body = self.equilibrium
-        found = reactions(self.stressed, body.geometry, *self._under_load(dead, pressure, u))
+        found = reactions(
+            self.equilibrium.solid, body.geometry, *self._under_load(dead, pressure, u)
+        )
         return np.asarray(body.forces_at_nodes(found).reshape(u.shape))

@@ -8,14 +8,13 @@ from numpy.typing import NDArray
 from shared_schema.common.errors import InputError
 from surrogate.data.case_loads import Loads, families_of, trained_loads
 from surrogate.data.load_families import TRAINED, random_loads
-from surrogate.inference.body import TrainedBody
 from surrogate.inference.surrogate import Surrogate
 from surrogate.mechanics import FollowerPressure
 
 Array = NDArray[np.float64]
 
 
-def loads_of(surrogate: TrainedBody, family: str = TRAINED) -> Loads:
+def loads_of(surrogate: Surrogate, family: str = TRAINED) -> Loads:
     """Random dead loads of a run's training, or of another family; InputError as `drawn_loads`."""
     data = surrogate.description.data
     limit, numbers = data.info.force.max_abs, data.load_numbers

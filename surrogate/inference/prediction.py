@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from functools import cached_property
 
 import numpy as np
@@ -9,12 +10,15 @@ from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
 from shared_schema.common.errors import InputError
-from surrogate.inference.body import Remade, TrainedBody
+from surrogate.descent.aim import Aim, UnreachedToleranceWarning
+from surrogate.inference.body import Body, Remade
 from surrogate.inference.given_load import separated, without_pressure
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.follower_pressure import FollowerPressure
 from surrogate.models.batched_prediction import BatchedPrediction
+from surrogate.models.kinds import RunConfig
 from surrogate.models.series_model import SeriesModel
+from surrogate.networks.field_network import FieldNetwork
 from surrogate.networks.held_nodes import HeldNodes
 from surrogate.networks.nodal_network import NodalNetwork
 from surrogate.networks.reduced_at_nodes import ReducedAtNodes
@@ -31,8 +35,10 @@ class Predictor(Remade):
 
     Parameters
     ----------
-    body : TrainedBody
-        Its network is in evaluation.
+    network : FieldNetwork
+        In evaluation.
+    body : Body
+    run : RunConfig
 
     Attributes
     ----------
@@ -43,14 +49,15 @@ class Predictor(Remade):
         the CPU that predicts no standard deviations.
     """
 
-    def __init__(self, body: TrainedBody) -> None:
-        self.body, geometry = body, body.geometry
-        self._nodes, self._device = len(geometry.coordinates), body.network.free.device
+    def __init__(self, network: FieldNetwork, body: Body, run: RunConfig) -> None:
+        self.body, self._run, self._linear = body, run, network.linear
+        geometry = body.geometry
+        self._nodes, self._device = len(geometry.coordinates), network.free.device
         held = None if geometry.grid.points_are_nodes else HeldNodes(geometry)
-        nodal = NodalNetwork(body.network, geometry.grid, held)
-        self.network, self.passes = nodal.to(self._device), Passes(body.network)
-        config, points = body.description.run, geometry.grid.mask.size
-        self.batched = BatchedPrediction(self.network, self.passes, config, points)
+        nodal = NodalNetwork(network, geometry.grid, held)
+        self.network, self.passes = nodal.to(self._device), Passes(network)
+        points = geometry.grid.mask.size
+        self.batched = BatchedPrediction(self.network, self.passes, run, points)
 
     @cached_property
     def series(self) -> BodySeries | None:
@@ -58,7 +65,7 @@ class Predictor(Remade):
 
         Bodies that `SeriesResponse` knows have it on the CPU alone: PyTorch computes it on a GPU.
         """
-        run, linear = self.body.description.run, self.body.network.linear
+        run, linear = self._run, self._linear
         geometry = self.body.geometry
         if not isinstance(run, SeriesModel) or run.series_order == 1:
             return None
@@ -121,6 +128,24 @@ class Predictor(Remade):
             found = self.batched.distribution(samples, PASSES, 0).mean
         return found.reshape(nodal.shape), last
 
+    def driven(self, loads: Array, aim: Aim, pressure: ArrayLike | None) -> Array:
+        """Predict as `respond` does, and drive load by load towards the equilibrium."""
+        body = self.body
+        dead, follows = without_pressure(body.geometry, loads, pressure)
+        nodal, found, missed = loads[..., : len(body.geometry.coordinates), :], [], []
+        mean, last = self.under(dead, follows, loads)
+        each = (fields.reshape(-1, *fields.shape[-2:]) for fields in (dead, mean))
+        for number, (force, predicted, remainder) in enumerate(zip(*each, last, strict=True)):
+            one = None if follows is None else follows[slice(number, number + 1)]
+            displacement, descent = body.descend(force, one, predicted, aim, float(remainder))
+            found.append(displacement)
+            if descent.reached is False:
+                missed.append(f"load {number}: {descent.refusal(body.units)}")
+        if missed:
+            others = f", and {len(missed) - 1} other loads" if len(missed) > 1 else ""
+            warnings.warn(missed[0] + others, UnreachedToleranceWarning, stacklevel=4)
+        return np.array(found).reshape(nodal.shape)
+
     def distribution(self, loads: Array, passes: int, seed: int) -> Distribution:
         """Predict means and standard deviations in m of checked loads; σ is 0 if there is none."""
         if not self.is_probabilistic and (self.series is not None or self.at_nodes is not None):
@@ -143,7 +168,7 @@ class Predictor(Remade):
     @property
     def is_probabilistic(self) -> bool:
         """True if the network predicts standard deviations."""
-        return self.is_stochastic or self.body.description.run.predicts_std
+        return self.is_stochastic or self._run.predicts_std
 
     def _told_apart(
         self, loads: Array, pressure: ArrayLike | None
@@ -159,3 +184,14 @@ class Predictor(Remade):
 def certain(mean: Array) -> Distribution:
     """Means without standard deviations."""
     return Distribution(mean, np.zeros_like(mean), np.zeros_like(mean))
+
+
+def given_aim(
+    tolerance: float | None, budget: float | None, pressure: ArrayLike | None
+) -> Aim | None:
+    """Return what directions aim at; None if there are to be none. InputError if it is wrong."""
+    if tolerance is None and budget is None:
+        if pressure is not None:
+            raise InputError("pressure: expected beside a tolerance or a budget")
+        return None
+    return Aim(tolerance, budget)

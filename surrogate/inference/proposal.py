@@ -106,7 +106,7 @@ def propose(
         pressure, which is not drawn.
     """
     geometry = surrogate.geometry
-    surrogate.balanced()
+    surrogate.body.balanced()
     if count < 1:
         raise InputError(f"--count {count}: expected 1 at least")
     among = DRAWN * count if among is None else among

@@ -1,37 +1,39 @@
-"""A trained network with its body: solutions, certificates and corrections of predictions."""
+"""A body with what predicts it: predictions, solutions, certificates, corrections and stresses."""
 
 from __future__ import annotations
 
-import logging
 import math
 from collections.abc import Mapping, Sequence
 from contextlib import closing
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, overload
 
 import numpy as np
+import torch
 from numpy.typing import ArrayLike, NDArray
+from torch import Tensor
 
 from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.arguments.real_numbers import real_numbers
-from shared_schema.common.bodies.displacement_size import size_warning
-from shared_schema.common.bodies.force_tolerance import ForceTolerance
 from shared_schema.common.errors import InputError, WorkError
 from shared_schema.common.progress import Progress
-from surrogate.inference.given_load import (
-    Load,
-    checked_load,
-    checked_loads,
-    following,
-    given_load,
-    without_pressure,
-)
-from surrogate.inference.prediction import certain
-from surrogate.inference.trained_network import TrainedNetwork
-from surrogate.mechanics.follower_pressure import FollowerPressure
+from surrogate.data.geometry import SURFACE, Geometry
+from surrogate.device import Precision
+from surrogate.inference.body import Body, Remade
+from surrogate.inference.given_load import Load, checked_load, checked_loads, without_pressure
+from surrogate.inference.prediction import Predictor, given_aim
+from surrogate.inference.training_range import TrainingRange
+from surrogate.mechanics.out_of_balance import Equilibrium
+from surrogate.networks.field_network import FieldNetwork
+from surrogate.networks.nodal_network import NodalNetwork
+from surrogate.networks.unet import parameter_count
 from surrogate.probabilistic.distribution import Distribution
-from surrogate.probabilistic.stochastic_passes import PASSES
+from surrogate.probabilistic.stochastic_passes import PASSES, Passes, require_passes
+from surrogate.runs.description import RunDescription
 from surrogate.runs.folder import RunFolder
+from surrogate.series.series_response import SeriesResponse
+from surrogate.time_limit import require_time
 
 if TYPE_CHECKING:
     from shared_schema.tools import Tool
@@ -39,24 +41,256 @@ if TYPE_CHECKING:
         Bounds,
         Certificate,
         Correction,
-        ErrorCertificate,
         FastCertificate,
         FastEstimate,
         Intervals,
     )
+    from surrogate.descent import Aim, Descent, DrivenBody
     from surrogate.inference.solution import Solution
+    from surrogate.mechanics.follower_pressure import FollowerPressure
     from surrogate.touch.grip import Held
 
 Array = NDArray[np.float64]
-logger = logging.getLogger(__name__)
 LEVEL = 0.95  # probability of fast bounds
 
 
-class Surrogate(TrainedNetwork):
-    """A trained network that certifies and corrects its predictions.
+class Surrogate(Remade):
+    """A body, and what predicts its displacements: a trained network, or a load series.
 
-    Its attributes are those of `TrainedNetwork`.
+    Parameters
+    ----------
+    network : FieldNetwork
+    geometry : Geometry
+        Mesh, supports and grid; its node numbers are those of forces and displacements.
+    description : RunDescription
+        Configuration and dataset of the run.
+
+    Attributes
+    ----------
+    body : Body
+        Its equilibria, stresses and reactions.
+    predictor : Predictor
+        Loads to displacements.
+    training_range : TrainingRange
+        Forces of the training data; `predict` warns of others.
+    folder : Path or None
+        Run folder that the network was loaded from.
+    mean_error : float or None
+        ē on the test split of its training's dataset, in m; None if the run is not evaluated.
     """
+
+    def __init__(
+        self, network: FieldNetwork, geometry: Geometry, description: RunDescription
+    ) -> None:
+        self.network, self.geometry, self.description = network.eval(), geometry, description
+        self.body = Body.of(network, geometry, description.data.case)
+        self.predictor = Predictor(network, self.body, description.run)
+        self.training_range = TrainingRange.of(geometry, description)
+        self.folder: Path | None = None
+        self.mean_error: float | None = None
+
+    def __repr__(self) -> str:
+        """Say what it is, such as "Surrogate(beam2d, 64 nodes, U-Net 0.47 M, ē 0.06 mm)"."""
+        run = self.description.run
+        size = run.title
+        if count := parameter_count(self.network):
+            size += f" {count / 1e6:.2f} M"
+        parts = [run.case, f"{len(self.geometry.coordinates)} nodes", size]
+        if run.likelihood != "deterministic":
+            parts.append(run.likelihood.replace("_", " "))
+        if self.mean_error is not None:
+            parts.append(f"ē {self.description.data.units.written(self.mean_error)}")
+        return f"Surrogate({', '.join(parts)})"
+
+    @property
+    def precision(self) -> Precision:
+        """Precision of the network's convolutions on a GPU."""
+        return self.predictor.batched.precision
+
+    @precision.setter
+    def precision(self, precision: Precision) -> None:
+        self.predictor.batched.precision = precision
+
+    @property
+    def has_series(self) -> bool:
+        """Whether the response of the body is a load series, beyond the linear one."""
+        within = isinstance(self.network.linear, SeriesResponse)
+        return within or self.predictor.series is not None
+
+    @property
+    def equilibrium(self) -> Equilibrium:
+        """The finite-element equilibrium of the body, that of `Body.equilibrium`."""
+        return self.body.equilibrium
+
+    @property
+    def driven_body(self) -> DrivenBody:
+        """The body as directions see it, that of `Body.driven_body`."""
+        return self.body.driven_body
+
+    def under(self, pressure: FollowerPressure | None) -> Equilibrium:
+        """Equilibrium under the pressures of one load case: `Body.under`."""
+        return self.body.under(pressure)
+
+    def descend(
+        self,
+        dead: Array,
+        pressure: FollowerPressure | None,
+        predicted: Array,
+        aim: Aim,
+        last_term: float = math.inf,
+    ) -> tuple[Array, Descent]:
+        """Drive the prediction of one load towards the equilibrium: `Body.descend`."""
+        return self.body.descend(dead, pressure, predicted, aim, last_term)
+
+    @property
+    def nodal_network(self) -> NodalNetwork:
+        """The network as a map between fields at the nodes of the mesh."""
+        return self.predictor.network
+
+    @property
+    def passes(self) -> Passes:
+        """Passes of the network; the drawn weights of the last prediction are kept."""
+        return self.predictor.passes
+
+    @property
+    def is_probabilistic(self) -> bool:
+        """True if the network predicts standard deviations."""
+        return self.predictor.is_probabilistic
+
+    @property
+    def is_stochastic(self) -> bool:
+        """True if passes differ from each other."""
+        return self.predictor.is_stochastic
+
+    @overload
+    def predict(
+        self,
+        forces: Tensor,
+        *,
+        tolerance: float | None = None,
+        budget: float | None = None,
+        pressure: ArrayLike | None = None,
+        nodes: str | ArrayLike | None = None,
+    ) -> Tensor: ...
+    @overload
+    def predict(
+        self,
+        forces: ArrayLike,
+        *,
+        tolerance: float | None = None,
+        budget: float | None = None,
+        pressure: ArrayLike | None = None,
+        nodes: str | ArrayLike | None = None,
+    ) -> Array: ...
+    def predict(
+        self,
+        forces: ArrayLike | Tensor,
+        *,
+        tolerance: float | None = None,
+        budget: float | None = None,
+        pressure: ArrayLike | None = None,
+        nodes: str | ArrayLike | None = None,
+    ) -> Array | Tensor:
+        """Predict displacements, the means of `predict_distribution`.
+
+        Compiled code of Numba computes a load series on a CPU, which takes up to 20 s at the first
+        prediction after an installation. A load of a large batch differs from that load alone by
+        rounding in single precision.
+
+        With a tolerance or a budget, directions drive every prediction towards the equilibrium of
+        the finite elements until its estimated error is small enough (`surrogate.descent`); a good
+        one takes a single direction, and none where the last term of its load series is small.
+
+        Issues an `OutsideTrainingWarning`, once a kind, for forces unlike those of the training,
+        and an `UnreachedToleranceWarning` if directions end before the tolerance is reached. What
+        is then returned is the best displacement that was met.
+
+        Parameters
+        ----------
+        forces : array or Tensor, (n_nodes, d) or (N, n_nodes, d)
+            Nodal forces in N, or loads as those of `Surrogate.certify`. A tensor that requires
+            gradients gives displacements that are differentiable by the forces; the network's
+            weights get no gradients.
+        tolerance : float, optional
+            Largest error of a node, relative to the largest displacement under the load.
+        budget : float, optional
+            Seconds that the directions of each load may take, after its prediction.
+        pressure : array, (n_surfaces,) or (N, n_surfaces)
+            As that of `Surrogate.certify`, beside a tolerance or a budget, or of a load series that
+            follows the surface; by default the pressures that the forces tell.
+        nodes : "surface", name of a group of nodes, or array of int, optional
+            Nodes whose displacements are wanted, all by default.
+
+        Returns
+        -------
+        array, or Tensor if the forces are one, of the same shape, or with n `nodes` of n_nodes
+            Nodal displacements in m; those of a tensor have its precision and device.
+
+        Raises
+        ------
+        InputError
+            If the shape is wrong, a force is not finite, or one acts at a clamped node; there are
+            no such nodes; or a tolerance or budget is not positive, stands beside gradients, or is
+            for a body whose equilibrium the learner does not compute.
+        """
+        require_time()
+        follows = self.predictor.series is not None  # without directions as well
+        aim = given_aim(tolerance, budget, None if follows else pressure)
+        wanted = None if nodes is None else self.geometry.nodes_of(nodes)
+        loads = checked_loads(self.geometry, forces)
+        self.training_range.warn(loads[..., : len(self.geometry.coordinates), :])
+        found: Array | Tensor
+        if isinstance(forces, Tensor) and forces.requires_grad and torch.is_grad_enabled():
+            if aim is not None:
+                raise InputError(
+                    "tolerance and budget: directions have no gradients, expected forces without"
+                )
+            found = self.predictor.differentiable(forces)
+        else:
+            if aim is None:
+                found, _ = self.predictor.respond(loads, pressure)
+            else:
+                found = self.predictor.driven(loads, aim, pressure)
+            if isinstance(forces, Tensor):
+                kind = forces.dtype if forces.is_floating_point() else torch.float64
+                found = torch.from_numpy(found).to(forces.device, kind)
+        return found if wanted is None else found[..., wanted, :]
+
+    @checked_arguments
+    def predict_distribution(
+        self, forces: ArrayLike | Tensor, passes: int = PASSES, seed: int = 0
+    ) -> Distribution:
+        """Predict means and standard deviations of displacements.
+
+        Parameters
+        ----------
+        forces : array, (n_nodes, d) or (N, n_nodes, d)
+            Nodal forces in N.
+        passes : int
+            Number of passes T of every member of an ensemble; a network that is not stochastic
+            makes a single pass.
+        seed : int
+            Seed of the passes, 0 or more. All samples use the same passes.
+
+        Raises
+        ------
+        InputError
+            If the network predicts no standard deviations, the shape is wrong, a force is not
+            finite or acts at a clamped node, `passes` is below 1 or `seed` below 0.
+        """
+        if not self.is_probabilistic:
+            raise InputError(
+                f"likelihood '{self.description.run.likelihood}': the network predicts no standard "
+                "deviations, expected Surrogate.predict, or solve with certify='fast' or 'full'"
+            )
+        return self.averaged_passes(forces, passes, seed)
+
+    def averaged_passes(
+        self, forces: ArrayLike | Tensor, passes: int = PASSES, seed: int = 0
+    ) -> Distribution:
+        """Do what `predict_distribution` does, of any network: σ is 0 if it predicts none."""
+        require_passes(passes, seed)
+        return self.predictor.distribution(checked_loads(self.geometry, forces), passes, seed)
 
     @checked_arguments
     def solve(
@@ -133,128 +367,25 @@ class Surrogate(TrainedNetwork):
         WorkError
             If no equilibrium is found.
         """
-        from surrogate.inference.solution import Solution
-        from surrogate.inference.stiffness import stiffened, stiffness_factor
-        from surrogate.touch.unknown_forces import gripped, pushed
+        from surrogate.inference.solving import Wanted, solved
 
-        require_options_fit(certify, correct, tolerance, budget, level)
-        level = LEVEL if level is None else level
-        intervals = self.intervals if conformal else None
-        fast = self._fast_of_level(level) if certify == "fast" else None
-        self.require_stochastic(passes=passes, seed=seed)
-        needed = held is None and tool is None
-        given = given_load(self.geometry, load, nearest, body_force, needed=needed)
-        factor = stiffness_factor(self.description.data.material, young_modulus)
-        given.scale(1 / factor)
-        frame, contact = None, None
-        if held is not None:
-            if tool is not None:
-                raise InputError("held and tool: expected one of them")
-            frame = gripped(self, held, given, nearest, correct, tolerance)
-            nodes = len(given.forces)
-            given.forces += frame.force[:nodes]
-            given.between[: len(frame.force) - nodes] += frame.force[nodes:]
-        elif tool is not None:
-            contact = pushed(self, tool, given, correct, tolerance)
-            given.forces += np.where(self.geometry.held, 0.0, contact.force)
-        force = given.at_rest
-        passes = PASSES if passes is None else passes
-        dead, pressure = given.load, following(given)
-        last_term = math.inf
-        if self.predictor.series is None:
-            network = self.averaged_passes(force, passes, seed or 0)
-        else:
-            mean, (last_term,) = self.predictor.under(dead, pressure, force)
-            network = certain(mean)
-        weighs = body_force is not None
-        self.training_range.log(force, weighs)
-        interval = None
-        if intervals is not None and conformal is not None:
-            interval = intervals.bounds(conformal, network.mean, self.score_scale(network))
-        displacement, correction, descent = network.mean, None, None
-        sought = contact if frame is None else frame
-        if sought is not None and sought.correction is not None:
-            correction = sought.correction
-            displacement = correction.displacement
-        elif correct:
-            correction = self._corrected(dead, pressure, network.mean)
-            displacement = correction.displacement
-        elif tolerance is not None or budget is not None:
-            from surrogate.descent.aim import Aim
-
-            aim = Aim(tolerance, budget, in_metres=certify is not None)
-            displacement, descent = self.descend(
-                dead, pressure, network.mean, aim, float(last_term)
-            )
-        is_own = np.array_equal(displacement, network.mean)
-        is_own = is_own or (descent is not None and descent.kept)
-        what = f"the largest {'predicted' if correction is None else 'corrected'} displacement"
-        if force.any():
-            advice = self.training_range.compared(force, weighs)
-            unusual = size_warning(displacement, self.geometry.coordinates, what, advice)
-            if unusual is not None:
-                logger.warning(unusual)
-        certificate: ErrorCertificate | None = None
-        if certify == "full":
-            certificate = self._certified(dead, pressure, displacement)
-        std = network.std if self.is_probabilistic and is_own else None
-        of_components = fast if fast is not None or std is None else self._bounds_of_components
-        half_width = None
-        if of_components is not None:
-            bounds = of_components.certify(dead, displacement, level, std, pressure)
-            half_width = bounds.half_width
-            certificate = certificate if fast is None else bounds
-        told = certificate is not None or correction is not None
-        told = told or (descent is not None and descent.reached is not None)
-        outside = tuple(self.training_range.exceeded(force, weighs).values())
-        one_direction = None
-        if not told and (outside or self._knows_compliance):
-            one_direction = self._one_direction(dead, pressure, displacement)
-        solution = Solution(
-            geometry=self.geometry,
-            case=self.description.run.case,
-            force=force,
-            force_between=given.at_rest_between,
-            displacement=displacement.copy(),
-            predicted=network.mean,
-            distribution=network if self.is_probabilistic and is_own else None,
-            interval=interval if is_own else None,
-            correction=correction,
-            descent=descent,
-            certificate=certificate,
-            half_width=half_width,
+        wanted = Wanted(
+            held=held,
+            tool=tool,
+            body_force=body_force,
+            young_modulus=young_modulus,
+            certify=certify,
+            correct=correct,
             tolerance=tolerance,
-            stresses=self._stresses_of(dead, pressure, displacement) if stresses else {},
-            reaction=self.reactions_under(dead, pressure, displacement) if stresses else None,
-            notes=tuple(given.notes),
-            grips=None if frame is None else frame.reactions,
-            contact=contact,
-            one_direction=one_direction,
-            outside_training=outside,
-            units=self.description.data.units,
+            budget=budget,
+            level=level,
+            conformal=conformal,
+            stresses=stresses,
+            nearest=nearest,
+            passes=passes,
+            seed=seed,
         )
-        return solution if young_modulus is None else stiffened(solution, factor)
-
-    def with_young_moduli(self, moduli: Mapping[str, float]) -> Surrogate:
-        """Make the same load series for a body whose zones have other Young's moduli.
-
-        The stiffness of the body at rest is factorised anew; all that is computed from the body is
-        that of the new one, and its fast bounds would have to be calibrated again.
-
-        Parameters
-        ----------
-        moduli : mapping of str to float
-            Young's modulus at rest in Pa by group of the case's materials; others stay.
-
-        Raises
-        ------
-        InputError
-            If the model has learned from samples, the body is of one material, there is no such
-            group, or a modulus is not positive and finite.
-        """
-        from surrogate.inference.stiffness import with_zones
-
-        return with_zones(self, moduli)
+        return solved(self, load, wanted)
 
     # --- certificates and corrections -------------------------------------------------------------
 
@@ -286,7 +417,7 @@ class Surrogate(TrainedNetwork):
         """
         loads = checked_loads(self.geometry, forces)
         dead, follows = without_pressure(self.geometry, loads, pressure)
-        return self._certified(dead, follows, self._displacement(loads, predicted))
+        return self.body.certify(dead, follows, self._displacement(loads, predicted))
 
     def bounds(
         self,
@@ -321,27 +452,12 @@ class Surrogate(TrainedNetwork):
             If a shape is wrong, a force is not finite, or the run has no fast certificate or none
             of this level.
         """
-        fast, loads, std = self._fast_of_level(level), checked_loads(self.geometry, forces), None
+        fast, loads, std = self.fast_of_level(level), checked_loads(self.geometry, forces), None
         dead, follows = without_pressure(self.geometry, loads, pressure)
         if predicted is None and self.is_probabilistic:
             network = self.predictor.distribution(loads, PASSES, 0)
             predicted, std = network.mean, network.std
         return fast.certify(dead, self._displacement(loads, predicted), level, std, follows)
-
-    def _stresses_of(
-        self, dead: Array, pressure: FollowerPressure | None, displacement: Array
-    ) -> dict[str, Array]:
-        found = self.stresses_under(dead, pressure, displacement)
-        return {name: values[0] for name, values in found.items()}
-
-    def _certified(
-        self, dead: Array, pressure: FollowerPressure | None, displacement: Array
-    ) -> Certificate:
-        from surrogate.certify.full_certificate import certify, certify_each
-
-        if pressure is None:
-            return certify(self._iterating, dead, displacement)
-        return certify_each(self._iterating, pressure, dead, displacement)
 
     def correct(
         self,
@@ -370,7 +486,7 @@ class Surrogate(TrainedNetwork):
         """
         load = checked_load(self.geometry, forces)
         dead, follows = without_pressure(self.geometry, load, pressure)
-        return self._corrected(dead, follows, self._displacement(load, predicted))
+        return self.body.correct(dead, follows, self._displacement(load, predicted))
 
     def correct_each(
         self,
@@ -406,19 +522,11 @@ class Surrogate(TrainedNetwork):
             for number in range(len(loads)):
                 one = None if follows is None else follows[slice(number, number + 1)]
                 try:
-                    found.append(self._corrected(dead[number], one, displacement[number]))
+                    found.append(self.body.correct(dead[number], one, displacement[number]))
                 except WorkError as error:
                     raise WorkError(f"load {number}: {error}") from None
                 progress.update(number + 1)
         return found
-
-    def _corrected(
-        self, dead: Array, pressure: FollowerPressure | None, displacement: Array
-    ) -> Correction:
-        from surrogate.certify.correction import correct
-
-        tolerance = ForceTolerance.of_case(self.description.data.case)
-        return correct(self.under(pressure), dead, displacement, tolerance)
 
     def _displacement(self, loads: Array, predicted: ArrayLike | None) -> Array:
         """Return given displacements, checked; predict them if they are not given."""
@@ -429,6 +537,85 @@ class Surrogate(TrainedNetwork):
         if displacement.shape != nodal.shape:
             raise InputError(f"predicted has shape {displacement.shape}, expected {nodal.shape}")
         return displacement
+
+    # --- stresses ---------------------------------------------------------------------------------
+
+    def stresses(
+        self,
+        displacement: ArrayLike | Tensor,
+        forces: ArrayLike | Tensor | None = None,
+        *,
+        pressure: ArrayLike | None = None,
+    ) -> dict[str, Array]:
+        """Compute stresses at the middle of every cell, as `Body.stresses`."""
+        return self.body.stresses(displacement, forces, pressure=pressure)
+
+    def reactions(
+        self,
+        displacement: ArrayLike | Tensor,
+        pushed: ArrayLike | Tensor | None = None,
+        *,
+        forces: ArrayLike | Tensor | None = None,
+    ) -> Array:
+        """Compute the forces of the supports on the body in N, as `Body.reactions`."""
+        return self.body.reactions(displacement, pushed, forces=forces)
+
+    # --- the run ----------------------------------------------------------------------------------
+
+    def prepare(self, nodes: str | ArrayLike = SURFACE) -> None:
+        """Get ready for loads on some nodes of a large body, such as those that a tool reaches.
+
+        Predictions that begin with the linear response solve with the stiffness of the body, unless
+        a load acts on a few nodes, or is a uniform body force. With the columns of its inverse for
+        these nodes, loads on any number of them, beside a body force, cost a sum. They are solved
+        for once, kept while the model lives, and written beside its run
+        (``columns.safetensors``), unless that comes with the package. A body that keeps the whole
+        inverse (up to 4000 degrees of freedom) is ready as it is.
+
+        Parameters
+        ----------
+        nodes : "surface", name of a group of nodes, or array of int
+
+        Raises
+        ------
+        InputError
+            If there is no such group or node, the columns take more than 2 GiB, the network does
+            not begin with the response of the body at its own nodes, or another process works in
+            the run folder.
+        """
+        from surrogate.inference.touched_region import keep_columns
+
+        keep_columns(self, nodes)
+
+    def with_young_moduli(self, moduli: Mapping[str, float]) -> Surrogate:
+        """Make the same load series for a body whose zones have other Young's moduli.
+
+        The stiffness of the body at rest is factorised anew; all that is computed from the body is
+        that of the new one, and its fast bounds would have to be calibrated again.
+
+        Parameters
+        ----------
+        moduli : mapping of str to float
+            Young's modulus at rest in Pa by group of the case's materials; others stay.
+
+        Raises
+        ------
+        InputError
+            If the model has learned from samples, the body is of one material, there is no such
+            group, or a modulus is not positive and finite.
+        """
+        from surrogate.inference.stiffness import with_zones
+
+        return with_zones(self, moduli)
+
+    def require_stochastic(self, **options: int | None) -> None:
+        """Raise InputError if pass options are given for a network that is not stochastic."""
+        for name, value in options.items():
+            if value is not None and not self.is_stochastic:
+                raise InputError(
+                    f"--{name} {value}: passes of this network do not differ, expected one with "
+                    "probabilistic weights or dropout"
+                )
 
     @property
     def run(self) -> RunFolder:
@@ -444,7 +631,7 @@ class Surrogate(TrainedNetwork):
 
         geometry = self.geometry
         alone = geometry.pressed is None and not geometry.has_points_between
-        return FastEstimate(self.equilibrium, self.blocks if alone else None)
+        return FastEstimate(self.equilibrium, self.body.blocks if alone else None)
 
     @cached_property
     def fast_certificate(self) -> FastCertificate:
@@ -455,7 +642,7 @@ class Surrogate(TrainedNetwork):
         run.seal.require_intact(run.fast_certificate)
         return FastCertificate(estimate, *read_calibration(run.fast_certificate))
 
-    def _fast_of_level(self, level: float) -> FastCertificate:
+    def fast_of_level(self, level: float) -> FastCertificate:
         """Return the calibrated bounds; InputError if they have no such level."""
         fast = self.fast_certificate
         try:
@@ -465,12 +652,12 @@ class Surrogate(TrainedNetwork):
         return fast
 
     @cached_property
-    def _bounds_of_components(self) -> FastCertificate | None:
+    def bounds_of_components(self) -> FastCertificate | None:
         """What gives intervals of components their size; None if the run has no such bounds."""
         if self.folder is None or not self.run.fast_certificate.is_file():
             return None
         try:
-            fast = self._fast_of_level(LEVEL)
+            fast = self.fast_of_level(LEVEL)
         except InputError:  # of another version, or of too few samples
             return None
         return fast if fast.knows_components and fast.calibrated is not None else None
@@ -487,23 +674,3 @@ class Surrogate(TrainedNetwork):
     def score_scale(self, predicted: Distribution) -> ArrayLike:
         """Divisor of errors in conformal scores: σ in m, or 1 m if the network predicts none."""
         return predicted.std if self.is_probabilistic else 1.0
-
-
-def require_options_fit(
-    certify: str | None,
-    correct: bool,
-    tolerance: float | None,
-    budget: float | None,
-    level: float | None,
-) -> None:
-    """Raise InputError if an option of `Surrogate.solve` is wrong, or lacks one that it needs."""
-    from surrogate.descent.aim import require_positive
-
-    require_positive("tolerance", tolerance)
-    require_positive("budget", budget)
-    if tolerance is not None and correct and not certify:
-        raise InputError(f"--tolerance {tolerance}: expected --certify beside --correct")
-    if budget is not None and correct:
-        raise InputError(f"--budget {budget}: expected without --correct, which has no limit")
-    if level is not None and certify != "fast":
-        raise InputError(f"--level {level}: expected beside --certify fast")

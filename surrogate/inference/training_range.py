@@ -14,7 +14,8 @@ from shared_schema.common.bodies.displacement_size import UNITS
 from shared_schema.common.keys.units import SI, Units
 from shared_schema.grid import Grid
 from surrogate.data.geometry import Geometry
-from surrogate.data.load_range import BODY_FORCE, LoadRange, PressedNodes
+from surrogate.data.load_range import BODY_FORCE, LoadRange, PressedNodes, known_families
+from surrogate.runs.description import RunDescription
 
 logger = logging.getLogger(__name__)
 ROUNDING = 1e-6  # of forces, which datasets hold in single precision
@@ -65,6 +66,22 @@ class TrainingRange:
         self._elsewhere = ~loadable
         self._loads = loads
         self._warned: set[str] = set()
+
+    @classmethod
+    def of(cls, geometry: Geometry, description: RunDescription) -> TrainingRange:
+        """That of a run."""
+        data = description.data
+        if not description.run.learns:
+            return cls.none(geometry)
+        return cls(
+            data.info.force.max_abs,
+            geometry.loadable,
+            data.loads,
+            geometry.grid,
+            PressedNodes.of(geometry, data.case),
+            known_families(data.case),
+            data.units,
+        )
 
     @classmethod
     def none(cls, geometry: Geometry) -> TrainingRange:

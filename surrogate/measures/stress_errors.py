@@ -63,7 +63,7 @@ def measure_stresses(
         Pressures of the samples; none by default.
     """
     try:
-        surrogate.stressed  # noqa: B018
+        surrogate.equilibrium  # noqa: B018
     except InputError:
         return None
     step = max(1, AT_ONCE // len(surrogate.geometry.cells))
@@ -72,7 +72,7 @@ def measure_stresses(
     for start in range(0, len(predicted), step):
         some = slice(start, start + step)
         of_load = partial(
-            surrogate.stresses_under, dead[some], None if pressure is None else pressure[some]
+            surrogate.body.stresses_under, dead[some], None if pressure is None else pressure[some]
         )
         parts.append(_errors(of_load(predicted[some]), of_load(reference[some])))
     mean, largest, of_largest, inverted = map(np.concatenate, zip(*parts, strict=True))

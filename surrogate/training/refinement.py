@@ -118,7 +118,7 @@ def descend(
     family = loads_of(surrogate, refinement.family)
     began = time.perf_counter()
     lines: list[dict[str, float]] = []
-    descent = Descent(surrogate.balanced(), family, refinement)
+    descent = Descent(surrogate.body.balanced(), family, refinement)
     optimisers = make_optimisers(surrogate.network.train(), config.training.optimiser)
     progress = Progress(refinement.steps, 0, "steps", f"surrogate refine {config.name}")
     values = []

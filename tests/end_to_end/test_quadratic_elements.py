@@ -247,6 +247,6 @@ def test_commands(element: str, ratio: float, force: str, tmp_path: Path) -> Non
         np.testing.assert_allclose(ours["displacement"], u, rtol=0, atol=1e-5 * np.abs(u).max())
     assert certificates_of(RunFolder(run)) == "full, fast"
     with pytest.raises(InputError, match=f"'{element}': proposed loads and refinement"):
-        surrogate.load(run).balanced()
+        surrogate.load(run).body.balanced()
     said = execute(SURROGATE, "predict", run, *load, "--certify", "fast", "--out", found, code=2)
     assert "--level 0.95: " in said.stderr  # too few held-out samples

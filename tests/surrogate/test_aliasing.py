@@ -31,6 +31,7 @@ from surrogate.certify import (
 from surrogate.data.geometry import Geometry
 from surrogate.descent import Descent
 from surrogate.descent.aim import Aim
+from surrogate.inference.body import Body
 from surrogate.inference.training_range import TrainingRange
 from surrogate.probabilistic.distribution import Distribution
 from surrogate.runs.config_reader import run_config
@@ -45,6 +46,7 @@ CONFIG = {
     "training": {"epochs": 1, "batch_size": 8},
 }
 HANDED_OUT = (
+    Body,
     Bounds,
     Certificate,
     Correction,
@@ -170,8 +172,10 @@ def tool(given: Given, lower: float = 0.0) -> Sphere:
 
 
 Call = Callable[[World, Given], Any]
-OF_MODELS = ["blocks", "equilibrium", "fast_certificate", "fast_estimate"]
-OF_MODELS += ["has_series", "is_probabilistic", "is_stochastic", "precision", "run", "stressed"]
+OF_BODIES = ["balanced", "blocks", "equilibrium", "is_small", "material", "units"]
+OF_MODELS = ["equilibrium", "fast_certificate", "fast_estimate", "nodal_network", "passes"]
+OF_MODELS += ["bounds_of_components", "has_series", "is_probabilistic", "is_stochastic"]
+OF_MODELS += ["precision", "run"]
 OF_GEOMETRIES = ["dimension", "free", "free_mask", "held", "loaded_body", "movable", "no_pressure"]
 OF_GEOMETRIES += ["surface_facets", "surface_nodes", "surfaces", "tip"]
 OF_GEOMETRIES += ["free_at_points", "loaded_points", "points_between", "pressed_points"]
@@ -245,19 +249,33 @@ CALLS: dict[str, Call] = {
         w.model.stresses(g["displacements"]),
     ],
     "Surrogate.reactions": lambda w, g: w.model.reactions(g["displacement"], g["force"]),
-    "Surrogate.stresses_under": lambda w, g: w.model.stresses_under(
-        g["forces"], None, g["displacements"]
-    ),
-    "Surrogate.reactions_under": lambda w, g: w.model.reactions_under(
-        g["forces"], None, g["displacements"]
-    ),
     "Surrogate.descend": lambda w, g: w.model.descend(
         g["force"], None, g["displacement"], Aim(1e-6)
     ),
+    "Surrogate.fast_of_level": lambda w, g: w.model.fast_of_level(0.95),
+    # its body
+    "Body.of": lambda w, g: Body.of(w.model.network, w.model.geometry, w.model.body.case),
+    "Body.certify": lambda w, g: w.model.body.certify(g["forces"], None, g["displacements"]),
+    "Body.correct": lambda w, g: w.model.body.correct(g["force"], None, g["displacement"]),
+    "Body.descend": lambda w, g: w.model.body.descend(
+        g["force"], None, g["displacement"], Aim(1e-6)
+    ),
+    "Body.one_direction": lambda w, g: w.model.body.one_direction(
+        g["force"], None, g["displacement"]
+    ),
+    "Body.stresses": lambda w, g: w.model.body.stresses(g["displacements"]),
+    "Body.reactions": lambda w, g: w.model.body.reactions(g["displacement"], g["force"]),
+    "Body.stresses_under": lambda w, g: w.model.body.stresses_under(
+        g["forces"], None, g["displacements"]
+    ),
+    "Body.reactions_under": lambda w, g: w.model.body.reactions_under(
+        g["forces"], None, g["displacements"]
+    ),
+    "Body.under": lambda w, g: w.model.body.under(None),
+    **{f"Body.{name}": attribute("model", "body", name) for name in OF_BODIES},
     "Surrogate.prepare": lambda w, g: w.model.prepare(g["nodes"]),
     "Surrogate.with_young_moduli": lambda w, g: zoned(w, g),
     "Surrogate.under": lambda w, g: w.model.under(None),
-    "Surrogate.balanced": lambda w, g: w.model.balanced(),
     "Surrogate.score_scale": lambda w, g: w.bayes.score_scale(w.distribution),
     "Surrogate.require_stochastic": lambda w, g: w.bayes.require_stochastic(passes=2),
     **{f"Surrogate.{name}": attribute("model", name) for name in OF_MODELS},
@@ -378,6 +396,7 @@ CALLS: dict[str, Call] = {
     ),
     "TrainingRange.exceeded": lambda w, g: w.bayes.training_range.exceeded(w.force_of_bayes),
     "TrainingRange.compared": lambda w, g: w.bayes.training_range.compared(w.force_of_bayes),
+    "TrainingRange.of": lambda w, g: TrainingRange.of(w.model.geometry, w.model.description),
     "TrainingRange.none": lambda w, g: TrainingRange.none(w.model.geometry).exceeded(g["forces"]),
     "TrainingRange.warn": lambda w, g: w.bayes.training_range.warn(w.force_of_bayes),
     "TrainingRange.log": lambda w, g: w.bayes.training_range.log(w.force_of_bayes),
@@ -453,6 +472,7 @@ SHARED = {  # another name of what the caller owns, a part of the model, or a st
     "Solution.std_aleatoric",
     "Solution.std_epistemic",
     "Solution.upper",
+    "Body.driven_body",
     "Surrogate.driven_body",
 }
 

@@ -110,7 +110,7 @@ def test_exported(dataset: Dataset, tmp_path: Path) -> None:
     assert list(found) == ["displacement", "estimate"]
     nodal = force[0].astype(np.float64)
     plain = model.predict(nodal)
-    u, estimate = in_turn(model.driven_body, nodal, plain, 2)
+    u, estimate = in_turn(model.body.driven_body, nodal, plain, 2)
     np.testing.assert_allclose(found["displacement"][0], u, atol=1e-6 * longest(u))
     assert float(found["estimate"][0]) == pytest.approx(estimate, rel=1e-3)
     truth = model.correct(nodal).displacement
