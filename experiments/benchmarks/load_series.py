@@ -51,7 +51,9 @@ def errors_of(dataset: Dataset) -> Results:
             further, taken = timed(partial(response.beyond_first, one))
             least.append(one + further[0])
             seconds.append(taken)
-            sums.append(torch.stack(response.terms(one.double())[0]).sum(dim=0).float())
+            sums.append(
+                torch.stack(response.series.terms(one.double().mT)[0]).sum(dim=0).mT.float()
+            )
         result["orders"][str(order)] = {
             "least": summary(torch.cat(least) - truth),
             "sum": summary(torch.cat(sums) - truth),

@@ -3,9 +3,10 @@
 The learner assembles linear, quadratic and `incompressible` elements. Certificates and corrections
 are statements about the very equations that made the data, so they are refused for a body of other
 elements, of a later version. The linear response K⁻¹f in a network's input only
-has to resemble the body's: for quadratic and other elements, and in load series, it is that of
-linear elements on the same nodes, with a Poisson's ratio of at most 0.4, for which they hardly
-lock; the network learns the difference.
+has to resemble the body's: for quadratic and other elements it is that of linear elements on the
+same nodes, with a Poisson's ratio of at most 0.4, for which they hardly lock; the network learns
+the difference. Load series are those of the body's own elements, except in reduced networks and in
+networks of earlier versions.
 """
 
 from __future__ import annotations
@@ -114,7 +115,7 @@ def require_known_elements(case: Mapping[str, Any]) -> None:
 def body_of_response(
     geometry: Geometry, material: Materials, case: Mapping[str, Any], series: bool
 ) -> tuple[Geometry, Materials]:
-    """Geometry and material of the linear response in a network's input.
+    """Geometry and material of the linear response in a network's input, under dead loads.
 
     Parameters
     ----------
@@ -124,8 +125,10 @@ def body_of_response(
     case : mapping
         Configuration of the case.
     series : bool
-        Whether the network goes on from the response by a load series.
+        Whether the network goes on from the response by a load series of linear elements.
     """
+    if series:
+        geometry = replace(geometry, pressed=None, pressed_surface=None, has_points_between=False)
     if element_of(case) == "linear" or (geometry.mean_dilation and not series):
         return geometry, material
     linear = replace(geometry, mean_dilation=False)

@@ -1,8 +1,8 @@
 r"""A fixed number of directions of any number of loads, by operations that an exported file knows.
 
-They are those of `surrogate.descent.descent`, with the same P and the same pairs, of bodies of one
-Neo-Hookean material and linear elements under dead loads; the moduli in P then cancel. K(0)⁻¹ is
-that of the linear response, L⁻¹ is dense. A file has no loops that end early, so that
+They are those of `surrogate.descent.descent`, with the same P and the same pairs, of bodies of
+linear elements under dead loads. K(0)⁻¹ is that of the linear response, L⁻¹ is dense. A file has no
+loops that end early, so that
 
 - every load takes all directions, and begins at its prediction, however far it is off;
 - a step is shortened to the largest of `PARTS` that inverts no cell, and once where the force along
@@ -23,10 +23,9 @@ from surrogate.mechanics.compliance import DENSE
 from surrogate.mechanics.linear_response import LinearResponse
 from surrogate.mechanics.matrices.band_matrix import BandLayout
 from surrogate.mechanics.out_of_balance import Equilibrium
-from surrogate.mechanics.solids.deformation import determinant, stress
+from surrogate.mechanics.solids.changes import Stresses
+from surrogate.mechanics.solids.deformation import determinant, product
 from surrogate.mechanics.solids.solid import Solid
-from surrogate.mechanics.solids.zones import material_of_zones, weights_of_zones
-from surrogate.series.series_response import CellOperators
 
 PARTS = (1.0, 0.5, 0.25, 0.125)  # of a direction
 Pair = tuple[Tensor, Tensor, Tensor]
@@ -35,7 +34,7 @@ Pair = tuple[Tensor, Tensor, Tensor]
 class FixedDirections(nn.Module):
     """A number of directions from predicted displacements.
 
-    Fields are (N, d, n_nodes), in double precision.
+    Fields are (N, n_nodes, d), in double precision.
 
     Parameters
     ----------
@@ -53,19 +52,19 @@ class FixedDirections(nn.Module):
 
     free: Tensor
     laplacian: Tensor
+    moduli: Tensor
     shares: Tensor
 
     def __init__(self, equilibrium: Equilibrium, response: LinearResponse, count: int) -> None:
         super().__init__()
-        material, geometry = material_of_zones(equilibrium.solid.materials), equilibrium.geometry
         require_exportable(equilibrium, count)
-        assert material is not None
-        self.material, self.response, self.count = material, response, count
-        solid = equilibrium.solid
-        self.operators = CellOperators(geometry, material, solid.gradients, weights_of_zones(solid))
-        self.register_buffer("free", torch.from_numpy(equilibrium.free.T), persistent=False)
-        shares = solid.volumes / solid.volumes.sum(1, True)
-        self.register_buffer("shares", shares, persistent=False)
+        self.response, self.count, self.solid = response, count, equilibrium.solid.apart()
+        self.register_buffer("free", torch.from_numpy(equilibrium.free), persistent=False)
+        volumes = self.solid.volumes
+        shares = volumes / volumes.sum(1, True)
+        self.register_buffer("shares", shares[:, None], persistent=False)
+        moduli = self.solid.moduli_of_cells()[:, None, None]
+        self.register_buffer("moduli", moduli, persistent=False)
         small = len(equilibrium.layout.dofs) <= DENSE
         laplacian = torch.from_numpy(inverse_laplacians(equilibrium))
         precision = torch.float64 if small else torch.float32
@@ -87,28 +86,26 @@ class FixedDirections(nn.Module):
             Length in m of the last direction at the node that moves most: how wrong the state
             before it was; infinite if this state has inverted cells.
         """
-        f = force.double().transpose(1, 2) * self.free
-        u = predicted.double().transpose(1, 2) * self.free
-        h, pairs = self.operators.gradient(u), list[Pair]()
+        f, u = force.double() * self.free, predicted.double() * self.free
+        h, pairs = self.solid.slopes(u), list[Pair]()
         r = self._out_of_balance(h, f)
         for number in range(self.count):
             d = -self._recursion(h, r, pairs[-PAIRS:])
-            slope = self.operators.gradient(d)
-            parts = torch.tensor(PARTS, dtype=h.dtype, device=h.device)[:, None]
-            part = (parts * inside(h + wide(parts) * slope)).amax(0)  # 0 if all invert a cell
+            slope = self.solid.slopes(d)
+            parts = [part * self._inside(h + part * slope) for part in PARTS]
+            part = torch.stack(parts).amax(0)  # 0 if all invert a cell
             if number < self.count - 1:
-                work, trial = dot(d, r), self._out_of_balance(h + wide(part) * slope, f)
+                work, trial = dot(d, r), self._out_of_balance(h + part[:, None] * slope, f)
                 after = dot(d, trial)
                 less = torch.where(after > -TURNED * work, work / (work - after), 1.0).clamp(LEAST)
                 grown = dot(trial, trial) > GROWN**2 * dot(r, r)
                 part = part * torch.where(grown, 0.5, less)
-                before, h = r, h + wide(part) * slope
+                before, h = r, h + part[:, None] * slope
                 r = self._out_of_balance(h, f)
                 pairs.append(self._pair(part[:, None, None] * d, r - before))
             u = u + part[:, None, None] * d
-        length = d.square().sum(1).amax(-1).sqrt()
-        estimate = torch.where(inside(h), length, torch.inf)
-        return u.transpose(1, 2), estimate
+        length = d.square().sum(2).amax(1).sqrt()
+        return u, torch.where(self._inside(h), length, torch.inf)
 
     def _pair(self, s: Tensor, y: Tensor) -> Pair:
         """A step, the change of r, and one over its work; 0 if the work is too small."""
@@ -129,39 +126,42 @@ class FixedDirections(nn.Module):
 
     def _carried(self, f: Tensor, r: Tensor) -> Tensor:
         """T K(0)⁻¹ Tᵀ r."""
-        back = self.operators.gradient(self._poisson(r))
-        force = self.operators.forces(product(f.transpose(1, 2), back)) * self.free
-        slopes = self.operators.gradient(self.response.respond(force))
-        return self._poisson(self.operators.forces(product(f, slopes)))
+        back = self.solid.slopes(self._poisson(r))
+        force = self._forces(product(f.transpose(0, 1), back)) * self.free
+        slopes = self.solid.slopes(self.response.respond(force.mT).mT)
+        return self._poisson(self._forces(product(f, slopes)))
+
+    def _forces(self, stress: Tensor) -> Tensor:
+        """Forces of such stresses in units of the shear moduli."""
+        return self.solid.forces_of(self.moduli * stress)
 
     def _mean_deformation(self, h: Tensor) -> Tensor:
-        """F̄ of the cells, at their points: (N, d, d, n_points) → same."""
-        of_cells = h.reshape(*h.shape[:3], *self.shares.shape)
-        means = (of_cells * self.shares).sum(-1, True).expand_as(of_cells)
-        return deformation_gradient(means.reshape(h.shape))
+        """F̄ of the cells: (d, d, n_cells, N, n_points) → same, with one point."""
+        return self.solid.identity + (h * self.shares).sum(-1, True)
 
     def _poisson(self, right: Tensor) -> Tensor:
         """L⁻¹ of every component, zero where it is held."""
-        rows = right.transpose(0, 1).to(self.laplacian.dtype)
-        return (rows @ self.laplacian).transpose(0, 1).to(right.dtype)
+        rows = right.permute(2, 0, 1).to(self.laplacian.dtype)
+        return (rows @ self.laplacian).permute(1, 2, 0).to(right.dtype)
 
     def _out_of_balance(self, h: Tensor, f: Tensor) -> Tensor:
-        """Out-of-balance forces r in N, of displacement gradients (N, d, d, n_points)."""
-        piola = stress(deformation_gradient(h).permute(1, 2, 0, 3), self.material)
-        return self.operators.forces(piola.permute(2, 0, 1, 3)) * self.free - f
+        """Out-of-balance forces r in N, of displacement gradients."""
+        stresses = Stresses(self.solid, self.solid.at(self.solid.identity + h))
+        return self.solid.forces_of(stresses.stress) * self.free - f
+
+    def _inside(self, h: Tensor) -> Tensor:
+        """Whether no cell is inverted: (d, d, n_cells, N, n_points) → (N,)."""
+        return (determinant(self.solid.identity + h) > 0).all(2).all(0)
 
 
 def require_exportable(equilibrium: Equilibrium, count: int) -> None:
     """Raise InputError unless a file can hold so many directions of a body."""
-    materials, geometry = equilibrium.solid.materials, equilibrium.geometry
     if not 1 <= count <= MOST:
         raise InputError(f"--directions {count}: expected 1 to {MOST}")
-    known = material_of_zones(materials) is not None
-    known = known and type(equilibrium) is Equilibrium and type(equilibrium.solid) is Solid
-    if not known or geometry.pressed is not None:
+    linear = type(equilibrium) is Equilibrium and type(equilibrium.solid) is Solid
+    if not linear or equilibrium.geometry.pressed is not None:
         raise InputError(
-            f"--directions {count}: expected a body of one Neo-Hookean material, or of some "
-            "that differ in 'young_modulus' alone, and linear elements, under dead loads"
+            f"--directions {count}: expected a body of linear elements, under dead loads"
         )
     nodes = int(equilibrium.free.any(axis=1).sum())
     if nodes > DENSE:
@@ -171,13 +171,10 @@ def require_exportable(equilibrium: Equilibrium, count: int) -> None:
 
 
 def inverse_laplacians(equilibrium: Equilibrium) -> np.ndarray:
-    """L⁻¹ of every component, (d, n_nodes, n_nodes), zero where it is held; one if all are alike.
-
-    Without the modulus of the first zone, which cancels.
-    """
+    """L⁻¹ of every component, (d, n_nodes, n_nodes), 0 where it is held; one if all are alike."""
     geometry, solid = equilibrium.geometry, equilibrium.solid
-    gradients = solid.gradients
-    metric = torch.einsum("cq,cqaj,cqbj->cab", weights_of_zones(solid), gradients, gradients)
+    weights, gradients = solid.moduli_of_cells()[:, None] * solid.volumes, solid.gradients
+    metric = torch.einsum("cq,cqaj,cqbj->cab", weights, gradients, gradients)
     alike, found = np.unique(equilibrium.free, axis=1), []
     for free in (equilibrium.free if alike.shape[1] > 1 else alike).T:
         layout = BandLayout(geometry.coordinates, geometry.cells, ~free[:, None])
@@ -190,26 +187,6 @@ def inverse_laplacians(equilibrium: Equilibrium) -> np.ndarray:
     return np.stack(found)
 
 
-def deformation_gradient(h: Tensor) -> Tensor:
-    """F = I + H: (…, d, d, n_points) → same."""
-    return h + torch.eye(h.shape[-2], dtype=h.dtype, device=h.device)[:, :, None]
-
-
-def product(a: Tensor, b: Tensor) -> Tensor:
-    """Products of matrices at the points: (N, d, d, n_points) twice → same."""
-    return (a[:, :, :, None] * b[:, None]).sum(2)
-
-
-def inside(h: Tensor) -> Tensor:
-    """Whether no cell is inverted: (…, d, d, n_points) → (…)."""
-    return (determinant(deformation_gradient(h).movedim((-3, -2), (0, 1))) > 0).all(-1)
-
-
-def wide(x: Tensor) -> Tensor:
-    """(…) → (…, 1, 1, 1)."""
-    return x[..., None, None, None]
-
-
 def dot(a: Tensor, b: Tensor) -> Tensor:
-    """Products of fields: (N, d, n_nodes) twice → (N,)."""
+    """Products of fields: (N, n_nodes, d) twice → (N,)."""
     return (a * b).flatten(1).sum(-1)

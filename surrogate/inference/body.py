@@ -106,13 +106,13 @@ class Body(Remade):
         """
         require_known_elements(self.case)
         whole = element_of(self.case) == "incompressible"
-        found: Equilibrium | None = None
-        if has_points_between(self.case, self.geometry.cell_type):
-            geometry = replace(self.geometry, mean_dilation=whole)
+        between = has_points_between(self.case, self.geometry.cell_type)
+        geometry, found = replace(self.geometry, mean_dilation=whole), None
+        for one in (compliance.equilibrium for compliance in self._shared):
+            if one.mean_dilation == whole and between == isinstance(one, QuadraticEquilibrium):
+                found = one
+        if between and found is None:
             found = QuadraticEquilibrium(geometry, self.material)
-        else:
-            known = (compliance.equilibrium for compliance in self._shared)
-            found = next((one for one in known if one.mean_dilation == whole), None)
         found = found or Equilibrium(self.geometry, self.material)
         found.units = self.units
         return found

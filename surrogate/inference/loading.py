@@ -41,7 +41,9 @@ def make_surrogate(
     geometry = Geometry.from_tensors(on_cpu, data.cell_type)
     geometry = with_elements(geometry, data.case, data.forces)
     material = data.material if config.needs_material else None
-    network = config.build_for(geometry, data.info, material, data.case)
+    network = config.build_for(
+        geometry, data.info, material, data.case, description.has_series_of_before
+    )
     network.load_state_dict({k: v for k, v in on_cpu.items() if not k.startswith(PREFIX)})
     return Surrogate(network.to(device), geometry, description)
 

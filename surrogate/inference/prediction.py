@@ -9,11 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
-from shared_schema.common.errors import InputError
 from surrogate.descent.aim import Aim, UnreachedToleranceWarning
 from surrogate.inference.body import Body, Remade
 from surrogate.inference.given_load import separated, without_pressure
-from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.follower_pressure import FollowerPressure
 from surrogate.models.batched_prediction import BatchedPrediction
 from surrogate.models.kinds import RunConfig
@@ -61,23 +59,11 @@ class Predictor(Remade):
 
     @cached_property
     def series(self) -> BodySeries | None:
-        """The load series of the body at all of its points; None if the run's is not one.
-
-        Bodies that `SeriesResponse` knows have it on the CPU alone: PyTorch computes it on a GPU.
-        """
+        """The load series of the body at all of its points; None if the run's is not one."""
         run, linear = self._run, self._linear
-        geometry = self.body.geometry
-        if not isinstance(run, SeriesModel) or run.series_order == 1:
+        if not isinstance(run, SeriesModel) or not isinstance(linear, SeriesResponse):
             return None
-        compliance = linear.compliance if isinstance(linear, SeriesResponse) else None
-        if geometry.has_points_between or not isinstance(compliance, Compliance):
-            compliance = None
-        elif geometry.pressed is None and self._device.type != "cpu":
-            return None
-        try:
-            return BodySeries(self.body.equilibrium, run.series_order, compliance)
-        except InputError:  # elements or a material that are not known here
-            return None
+        return linear.series
 
     @cached_property
     def at_nodes(self) -> ReducedAtNodes | None:
@@ -120,7 +106,7 @@ class Predictor(Remade):
         if self.series is not None:
             forces = dead.reshape(-1, *dead.shape[-2:])
             of_points = self.body.equilibrium.forces_at_points(forces)
-            found, last = self.series(of_points, pressure)
+            found, last = self.series.predicted(of_points, pressure)
             found = found[:, : nodal.shape[-2]]
         elif self.at_nodes is not None:
             found = self.at_nodes(samples)

@@ -30,6 +30,7 @@ from surrogate.mechanics.matrices.cell_matrices import sum_of_cells
 from surrogate.mechanics.matrices.saddle_point import SaddlePointLayout
 from surrogate.mechanics.matrices.sparse_matrix import SparseFactor
 from surrogate.mechanics.out_of_balance import Equilibrium
+from surrogate.mechanics.quadratic import QuadraticEquilibrium
 
 DENSE = 4000  # degrees of freedom; K⁻¹ takes 64 MB
 BY_MATRIX = 1000  # degrees of freedom up to which a CPU responds by K⁻¹
@@ -55,6 +56,9 @@ class Compliance(nn.Module):
     material : ShippedMaterial, or tuple of some
     precision : torch.dtype
         Of the dense matrix.
+    on_points : bool
+        Whether elements have all their points, which then stand for the nodes; otherwise they are
+        linear ones on the nodes.
 
     Attributes
     ----------
@@ -75,10 +79,16 @@ class Compliance(nn.Module):
     matrix: Tensor
 
     def __init__(
-        self, geometry: Geometry, material: Materials, precision: torch.dtype = torch.float32
+        self,
+        geometry: Geometry,
+        material: Materials,
+        precision: torch.dtype = torch.float32,
+        on_points: bool = False,
     ) -> None:
         super().__init__()
-        self.equilibrium = Equilibrium(geometry, material)
+        between = on_points and geometry.has_points_between
+        self.equilibrium = (QuadraticEquilibrium if between else Equilibrium)(geometry, material)
+        geometry = self.equilibrium.geometry
         free = np.flatnonzero(~geometry.clamped)
         self.size = len(free) * geometry.dimension
         axes = np.arange(geometry.dimension)[:, None]

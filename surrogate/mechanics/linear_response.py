@@ -36,6 +36,8 @@ class LinearResponse(nn.Module):
         Also compute the gradient.
     precision : torch.dtype
         Of K⁻¹.
+    on_points : bool
+        Whether K is that of elements with all their points; otherwise of linear ones on the nodes.
 
     Attributes
     ----------
@@ -52,11 +54,14 @@ class LinearResponse(nn.Module):
         material: Materials,
         gradient: bool = True,
         precision: torch.dtype = torch.float32,
+        on_points: bool = False,
     ) -> None:
         super().__init__()
         grid, self.nodes = geometry.grid, len(geometry.coordinates)
         self.shape = grid.shape
-        self.compliance: Compliance | BlockSolve = Compliance(geometry, material, precision)
+        self.compliance: Compliance | BlockSolve = Compliance(
+            geometry, material, precision, on_points
+        )
         sources = np.maximum(grid.sources, 0).reshape(-1, grid.sources.shape[-1])
         weights = grid.source_weights.reshape(sources.shape)
         self.to_grid = WeightedSums(sources, weights)
@@ -82,13 +87,15 @@ class LinearResponse(nn.Module):
         rms = (total / count).sqrt()
         self.gradient_rms.copy_(torch.where(rms > 0, rms, torch.ones_like(rms)))
 
-    def forward(self, force: Tensor) -> tuple[Tensor, Tensor]:
+    def forward(self, force: Tensor, response: Tensor | None = None) -> tuple[Tensor, Tensor]:
         """Respond to forces.
 
         Parameters
         ----------
         force : Tensor, (N, d, nx, ny[, nz])
             In N.
+        response : Tensor, (N, d, n_nodes), optional
+            The linear response at the nodes in m, if it is known.
 
         Returns
         -------
@@ -98,9 +105,13 @@ class LinearResponse(nn.Module):
             ∂u_lin,i / ∂x_j over `gradient_rms`, channel i + d j; no channels without `gradient`.
         """
         if torch.compiler.is_exporting():  # loops in a file know nothing of the precision around
-            return self.on_grid(self.at_nodes(force))
+            return self.fields(force, response)
         with torch.autocast(force.device.type, enabled=False):
-            return self.on_grid(self.at_nodes(force))
+            return self.fields(force, response)
+
+    def fields(self, force: Tensor, response: Tensor | None) -> tuple[Tensor, Tensor]:
+        """Return what `forward` does."""
+        return self.on_grid(self.at_nodes(force) if response is None else response)
 
     def at_nodes(self, force: Tensor) -> Tensor:
         """Respond at the nodes, in m: (N, d, nx, ny[, nz]) → (N, d, n_nodes)."""

@@ -95,15 +95,25 @@ class Model(Frozen, ABC):
         """True if the network goes on from the linear response by a load series."""
         return False
 
+    @property
+    def has_own_series(self) -> bool:
+        """True if the response is a load series of the body's own elements, materials and loads."""
+        return False
+
     def build_for(
         self,
         geometry: Geometry,
         info: StructuredInfo,
         material: Materials | None,
         case: Mapping[str, Any],
+        before: bool = False,
     ) -> FieldNetwork:
-        """Build the network of a body whose elements its case configuration names."""
-        if material is not None:
+        """Build the network of a body whose elements its case configuration names.
+
+        One that has learned `before` networks had load series of the body's own elements and loads
+        keeps that of linear ones under dead loads.
+        """
+        if material is not None and (before or not self.has_own_series):
             geometry, material = body_of_response(geometry, material, case, self.has_series)
         return self.build(geometry, info, material)
 

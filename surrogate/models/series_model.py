@@ -1,7 +1,6 @@
 """The response of the body as a model: it follows from mesh, supports and material, without data.
 
-It is the load series (`surrogate.series`). On the grid and in exported files, bodies of other
-materials and elements than `SeriesResponse` has their linear response.
+It is the load series of the body (`surrogate.series`).
 """
 
 from __future__ import annotations
@@ -15,7 +14,6 @@ from shared_schema.materials import Materials
 from surrogate.data.geometry import Geometry
 from surrogate.data.samples import Samples
 from surrogate.mechanics.linear_response import LinearResponse
-from surrogate.mechanics.solids.zones import material_of_zones
 from surrogate.models.model import Model
 from surrogate.models.training_config import SplitConfig
 from surrogate.networks.field_network import FieldNetwork
@@ -51,13 +49,14 @@ class SeriesModel(Model):
         """True: the model is the response of the body."""
         return True
 
-    def response(self, geometry: Geometry, material: Materials) -> LinearResponse:
-        """Return the load series of a Neo-Hookean body, else the linear response.
+    @property
+    def has_own_series(self) -> bool:
+        """True, unless it is the linear response."""
+        return self.series_order > 1
 
-        The zones of the body may differ in Young's modulus.
-        """
-        is_linear = self.series_order == 1 or geometry.mean_dilation
-        if is_linear or material_of_zones(material) is None:
+    def response(self, geometry: Geometry, material: Materials) -> LinearResponse:
+        """Return the load series, or the linear response."""
+        if not self.has_own_series:
             return super().response(geometry, material)
         return SeriesResponse(geometry, material, False, self.series_order)
 

@@ -81,6 +81,11 @@ class UNetModel(NetworkModel):
         return self.network.skip == "series"
 
     @property
+    def has_own_series(self) -> bool:
+        """True if it has a series."""
+        return self.has_series
+
+    @property
     def inputs(self) -> tuple[Input, ...]:
         """Inputs of the network."""
         return self.network.inputs

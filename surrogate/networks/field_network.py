@@ -256,10 +256,7 @@ class FieldNetwork(nn.Module):
         """Inputs of `learned`, and the linear response that its output is added to."""
         if self.linear is None:
             return force, None
-        if response is None:
-            displacement, gradient = self.linear(force)
-        else:
-            displacement, gradient = self.linear.on_grid(response)
+        displacement, gradient = self.linear(force, response)
         return self.inputs_with(force, gradient), displacement if self.skip else None
 
     def inputs_with(self, force: Tensor, gradient: Tensor) -> Tensor:

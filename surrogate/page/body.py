@@ -122,7 +122,10 @@ def below(part: str, arrays: Arrays) -> Arrays:
 
 def equilibrium_of_response(surrogate: Surrogate) -> Equilibrium:
     """The body of a network's linear response; that of the finite elements itself if equal."""
-    data, series = surrogate.description.data, surrogate.description.run.has_series
+    data, run = surrogate.description.data, surrogate.description.run
+    if run.has_own_series and not surrogate.description.has_series_of_before:
+        return surrogate.equilibrium
+    series = run.has_series
     geometry, material = body_of_response(surrogate.geometry, data.material, data.case, series)
     if geometry is surrogate.geometry and material is data.material:
         return surrogate.equilibrium

@@ -12,6 +12,7 @@ from shared_schema.common.errors import InputError
 from shared_schema.common.keys.units import Units
 from shared_schema.manifest import StructuredInfo
 from shared_schema.materials import Materials, materials_of
+from surrogate.data.elements_of_case import element_of
 from surrogate.data.load_range import LoadRange, load_range
 from surrogate.models.kinds import KINDS, RunConfig, tag_of
 from surrogate.models.model import Model, TrainedModel
@@ -120,6 +121,11 @@ class RunDescription(Frozen):
     went_on_from : tuple of int
         Numbers of epochs after which the training had ended before it went on with more; absent
         from the file if it never did.
+    series : {"own"} or None
+        How a load series inside a network that learns follows other elements than linear ones, and
+        pressures that follow the surface: as the body does it; absent from the file if there are
+        none, and in files of earlier versions, whose networks have learned beside the series of
+        linear elements under dead loads.
     refined : Refinement or None
         Absent from the file if there is none; otherwise configuration and dataset are those of the
         run before.
@@ -130,12 +136,18 @@ class RunDescription(Frozen):
     data: DataFingerprint
     start_from: Origin | None = Field(None, exclude_if=lambda origin: origin is None)
     went_on_from: tuple[int, ...] = Field((), exclude_if=lambda epochs: not epochs)
+    series: Literal["own"] | None = Field(None, exclude_if=absent)
     refined: Refinement | None = Field(None, exclude_if=lambda refinement: refinement is None)
 
     @property
     def epochs(self) -> int | None:
         """Number of epochs of the training; None for a model that is fitted directly."""
         return self.run.training.epochs if isinstance(self.run, TrainedModel) else None
+
+    @property
+    def has_series_of_before(self) -> bool:
+        """Whether a network has learned beside a load series that is not the body's own."""
+        return self.run.learns and self.series is None
 
     def with_epochs(self, epochs: int | None) -> RunDescription:
         """Return the same description with another number of epochs."""
@@ -186,4 +198,8 @@ def describe(config: Model, dataset: Dataset, start_from: Origin | None = None) 
         loads=load_range(dataset) if len(dataset.training) else None,
         forces=manifest.forces,
     )
-    return RunDescription(run=config, data=data, start_from=start_from)
+    own: Literal["own"] | None = None
+    others = element_of(manifest.case) != "linear" or dataset.geometry.pressed is not None
+    if config.learns and config.has_own_series and others:
+        own = "own"
+    return RunDescription(run=config, data=data, start_from=start_from, series=own)

@@ -8,102 +8,111 @@ Under s times a load, dead forces f and pressures that follow the surface,
 
 with the stiffness K of the undeformed body, the part P̂ₖ of the k-th term of the stress that
 follows from those before (`surrogate.series.measured_series`), and the terms of the pressures'
-forces, which are polynomials of the displacement. What the terms span is much better than their
-sum: it is the reduced basis of A. K. Noor and J. M. Peters (*Reduced basis technique for nonlinear
-analysis of structures*, AIAA Journal 18, 1980). The combination is that of Galerkin,
+forces (`surrogate.series.pressure_terms`). The prediction is the combination :math:`\sum_k c_k u_k`
+that is nearest to equilibrium (`surrogate.series.weights`).
 
-.. math:: u = \sum_{k=1}^n c_k u_k, \qquad g_k(c) = u_k · r(u) = 0,
-
-with the out-of-balance forces r, which is that of least potential energy where there is one.
+Terms are in double precision, on any device, with gradients, and in exported files. On a CPU
+without gradients, compiled loops do the same under dead forces, several times faster.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor
+from torch import Tensor, nn
 
-from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.follower_pressure import FollowerPressure
 from surrogate.mechanics.out_of_balance import Equilibrium
-from surrogate.mechanics.solids.changes import Stresses
-from surrogate.mechanics.solids.solid import Solid
-from surrogate.series.measured_series import SeriesOfLaw, sum_of, trace
+from surrogate.series.measured_series import SeriesOfBody
+from surrogate.series.pressure_terms import PressedFacets
+from surrogate.series.weights import Weights, combined
+
+if TYPE_CHECKING:
+    from surrogate.series.compiled_series import CompiledSeries
 
 Array = NDArray[np.float64]
 COMPILES = find_spec("numba") is not None  # a machine that only trains may do without it
-STEPS = 30  # of the search for the weights, at most
-SMALL_STEP, SMALLEST_STEP = 3e-3, 1e-10  # relative to the last term, and to the first one
-SHORTENINGS = 10
+AT_ONCE = 2**19  # values of the displacement gradients that are held at once: in the cache
+AT_ONCE_ON_GPU = 2**26
 SMALL = 1e-5  # gradients whose sum of terms, all weights 1, is right to rounding
-TINY = 1e-300
 
 
-@dataclass(frozen=True)
-class SeriesTerms:
-    """Terms of the series of N loads.
-
-    Attributes
-    ----------
-    u : array, (n, N, n_points, d)
-        uₖ in m.
-    gradients : list of n Tensors, (d, d, n_cells, N, n_points)
-        Hₖ.
-    """
-
-    u: Array
-    gradients: list[Tensor]
-
-
-class BodySeries:
-    """Load series of one body.
+class BodySeries(nn.Module):
+    """Load series of one body; its fields are (N, n_points, d).
 
     Parameters
     ----------
     equilibrium : Equilibrium
-        Its elements, materials and factor of K are used; displacements and forces are of all its
-        points.
+        Its elements and materials are used; displacements and forces are of all its points.
     order : int
         Order n.
-    compliance : Compliance, optional
-        K⁻¹ of the same nodes: it keeps columns, and answers for a large body in single precision.
+    respond : callable, optional
+        K⁻¹ of forces in N to displacements in m, of Tensors; that of the equilibrium, which has no
+        gradients, by default.
+    respond_to_arrays : callable, optional
+        The same of arrays, in their precision.
+    precision : torch.dtype
+        Of compiled loops on a large body.
+
+    Attributes
+    ----------
+    compiled : bool
+        Whether compiled code computes what it knows; others may set it.
     """
 
     def __init__(
-        self, equilibrium: Equilibrium, order: int, compliance: Compliance | None = None
+        self,
+        equilibrium: Equilibrium,
+        order: int,
+        respond: Callable[[Tensor], Tensor] | None = None,
+        respond_to_arrays: Callable[[Any], Any] | None = None,
+        precision: torch.dtype = torch.float64,
     ) -> None:
-        self.equilibrium, self.order, self.compliance = equilibrium, order, compliance
+        super().__init__()
+        self.equilibrium, self.order, self.compiled = equilibrium, order, COMPILES
+        self.solid = equilibrium.solid.apart()
+        self._respond = respond or self._by_factor
+        self._respond_to_arrays = respond_to_arrays or equilibrium.linear_response
+        self._precision = np.float64 if precision == torch.float64 else np.float32
+        self._weights = Weights(self.solid)
+        self._values = order * self.solid.volumes.numel() * self.solid.gradients.shape[3] ** 2
 
     @cached_property
-    def _compiled(self) -> Callable[[Array], tuple[Array, Array]] | None:
-        """The series under dead loads alone, where compiled code knows the body."""
-        solid, size = self.equilibrium.solid, self.equilibrium.free.size
-        fibres = any(material.family_count for material in solid.materials)
-        if solid.projects or fibres or not COMPILES:
-            return None
+    def is_compiled(self) -> bool:
+        """Whether compiled code knows the body's elements and materials."""
+        fibres = any(material.family_count for material in self.solid.materials)
+        return not self.solid.projects and not fibres
+
+    @cached_property
+    def loops(self) -> CompiledSeries:
+        """The series in compiled loops, of u₁."""
         from surrogate.series.compiled_series import CompiledSeries  # Numba: half a second
+
+        solid = self.equilibrium.solid
+        return CompiledSeries(solid, self._precision, self._respond_to_arrays, self.order)
+
+    @cached_property
+    def _of_forces(self) -> Callable[[Array], tuple[Array, Array]]:
+        """The series in compiled loops, of dead forces."""
         from surrogate.series.small_series import SmallSeries
 
-        respond = self.equilibrium.linear_response
-        if SmallSeries.fits(solid, size):
-            units = np.eye(size).reshape(size, *self.equilibrium.free.shape)
-            return SmallSeries(solid, respond(units).reshape(size, size), self.order)
-        if self.compliance is None:
-            return CompiledSeries(solid, np.float64, respond, self.order).of_forces
-        precision = np.float64 if len(self.compliance.matrix) else np.float32
-        kept = self.compliance.respond_at_nodes
-        return CompiledSeries(solid, precision, kept, self.order).of_forces
+        body, size = self.equilibrium, self.equilibrium.free.size
+        if not SmallSeries.fits(body.solid, size):
+            return self.loops.of_forces
+        units = np.eye(size).reshape(size, *body.free.shape)
+        return SmallSeries(body.solid, body.linear_response(units).reshape(size, size), self.order)
 
-    def __call__(
+    @torch.no_grad()
+    def predicted(
         self, forces: Array, pressure: FollowerPressure | None = None
     ) -> tuple[Array, Array]:
-        """Predict displacements, and tell how much the last term changes them.
+        """Predict displacements of arrays, and tell how much the last term changes them.
 
         Parameters
         ----------
@@ -119,236 +128,102 @@ class BodySeries:
         last : array, (N,)
             Largest displacement of a point in the last term in m.
         """
-        if self._compiled is not None and (pressure is None or not pressure.pressures.any()):
-            return self._compiled(forces)
-        terms = self.terms(forces, pressure)
-        weights = Weights(self.equilibrium, terms, forces, pressure).found()
-        displacement = np.einsum("nk,knai->nai", weights, terms.u)
-        last = np.linalg.norm(weights[:, -1, None, None] * terms.u[-1], axis=2).max(axis=1)
-        return displacement, last
+        device = self.solid.volumes.device
+        facets, pressures = PressedFacets.of(pressure, device)
+        if facets is None and self.compiled and self.is_compiled and device.type == "cpu":
+            return self._of_forces(forces)
+        first = self.first(torch.from_numpy(forces).to(device), facets, pressures)
+        beyond, last = self(first, facets, pressures)
+        return (first + beyond).cpu().numpy(), last.norm(dim=2).amax(1).cpu().numpy()
 
-    def terms(self, forces: Array, pressure: FollowerPressure | None = None) -> SeriesTerms:
-        """Compute the terms of some loads, as of a call."""
-        body, solid = self.equilibrium, self.equilibrium.solid
-        series = SeriesOfBody(solid)
-        push = None if pressure is None else PressureSeries(pressure)
-        acting = forces.copy()
-        u: list[Array] = []
-        gradients: list[Tensor] = []
-        for k in range(1, self.order + 1):
-            if push is not None:
-                acting += push.next(u)
-            response = body.linear_response(acting * body.free)
-            u.append(response)
-            slope = slope_of(solid, response)
-            gradients.append(slope)
-            series.add(slope)
-            if k < self.order:
-                acting = -solid.forces_of(series.next_stress()).numpy()
-        return SeriesTerms(np.array(u), gradients)
+    def first(
+        self, forces: Tensor, facets: PressedFacets | None = None, pressures: Tensor | None = None
+    ) -> Tensor:
+        """u₁ in m, of dead forces in N and pressures as of a call."""
+        if facets is not None and pressures is not None:
+            forces = forces + facets.term(pressures, [])
+        return self._respond(forces)
 
-
-def slope_of(solid: Solid, u: Array) -> Tensor:
-    """∇u at the quadrature points: (N, n_points, d) → (d, d, n_cells, N, n_points)."""
-    f = solid.deformation_gradient(torch.from_numpy(u))
-    for i in range(len(f)):
-        f[i, i] -= 1
-    return f
-
-
-class SeriesOfBody:
-    """Terms of the stress of a body, of one law after the other.
-
-    Parameters
-    ----------
-    solid : Solid
-    """
-
-    def __init__(self, solid: Solid) -> None:
-        self.solid, d = solid, solid.gradients.shape[3]
-        self._laws = []
-        for number, law in enumerate(solid.laws):
-            fibres: list[Tensor] = []
-            if solid.fibres is not None and law.families:
-                some = solid.members[number] if solid.members else slice(None)
-                fibres = list(solid.fibres[: law.families, :, some])
-            self._laws.append(SeriesOfLaw(law, d, fibres))
-        self._begun = False
-
-    def add(self, h: Tensor) -> None:
-        """Set the next H, (d, d, n_cells, N, n_points)."""
-        if not self._begun:
-            self._begin(h)
-        self._begun = False
-        gain = self.solid.projected(trace(h)) if self.solid.projects else None
-        for law, some, of_some in self._parts(h, gain):
-            law.complete(some, of_some)
-        if gain is not None:
-            slopes = [law.pressure_gain() for law in self._laws]
-            more = self.solid.projected(self._joined(slopes))
-            for law, _, of_some in self._parts(h, more):
-                law.pressure[-1] = sum_of(law.pressure[-1], of_some)
-
-    def next_stress(self) -> Tensor:
-        """The next P without what is linear in H, likewise."""
-        return self._begin(torch.zeros_like(self._joined([law.h[-1] for law in self._laws])))
-
-    def _begin(self, like: Tensor) -> Tensor:
-        volumes = [law.begin(some) for law, some, _ in self._parts(like, None) if some is not None]
-        dilation = pressure = None
-        if self.solid.projects:
-            dilation = self.solid.projected(self._joined(volumes))
-        slopes = []
-        for law, _, some in self._parts(like, dilation):
-            slope = law.scalars(some)
-            slopes.append(torch.zeros_like(law.h[-1][0, 0]) if slope is None else slope)
-        if self.solid.projects:
-            pressure = self.solid.projected(self._joined(slopes))
-        stresses = [law.stress(some) for law, _, some in self._parts(like, pressure)]
-        self._begun = True
-        return self._joined(stresses)
-
-    def _parts(
-        self, tensor: Tensor, scalar: Tensor | None
-    ) -> list[tuple[SeriesOfLaw, Tensor, Tensor | None]]:
-        """Every law with its part of fields (d, d, n_cells, …) and (n_cells, …)."""
-        if len(self._laws) == 1:
-            return [(self._laws[0], tensor, scalar)]
-        members = self.solid.members
-        return [
-            (law, tensor[:, :, some], None if scalar is None else scalar[some])
-            for law, some in zip(self._laws, members, strict=True)
-        ]
-
-    def _joined(self, parts: list[Tensor]) -> Tensor:
-        return self.solid.joined(parts)
-
-
-class PressureSeries:
-    """Terms of the forces of pressures: those of s p on the body displaced by Σ sᵏ uₖ."""
-
-    def __init__(self, pressure: FollowerPressure) -> None:
-        self.pressure = pressure
-
-    def next(self, u: list[Array]) -> Array:
-        """Forces of the order after that of the last of some terms, (N, n_points, d) in m → N.
-
-        They are those of products of two terms, or one and the positions at rest; forces are
-        polynomials of the positions, so that sums and differences tell products.
-        """
-        pressure, k = self.pressure, len(u)
-        if k == 0:
-            return pressure.at_rest
-        d = pressure.coordinates.shape[1]
-        if d == 2:
-            return pressure.forces(u[-1]) - pressure.at_rest
-        # B(x, y) of the quadratic form f(x) = B(x, x): terms of f(Σ) of degree k
-        at_rest = -pressure.coordinates  # forces() add the coordinates
-        total = pressure.forces(u[-1]) - pressure.forces(-u[-1])  # 4 B(X, u_k) / 2
-        total = total / 2
-        for i in range(1, k // 2 + 1):
-            a, b = u[i - 1], u[k - i - 1]
-            if 2 * i == k:
-                total = total + pressure.forces(at_rest + a)
-            else:
-                total = (
-                    total
-                    + (pressure.forces(at_rest + a + b) - pressure.forces(at_rest + a - b)) / 2
-                )
-        return total
-
-
-class Weights:
-    """The search for the weights of Galerkin's combination, of N loads at once.
-
-    Newton's method, from terms that fade where they do not decrease. A step is taken if it comes
-    closer to the solution, by the simplified step from its end (Deuflhard 2004, Section 3.3).
-
-    Parameters
-    ----------
-    equilibrium : Equilibrium
-    terms : SeriesTerms
-    forces : array, (N, n_points, d)
-        Dead ones in N.
-    pressure : FollowerPressure or None
-    """
-
-    def __init__(
+    def forward(
         self,
-        equilibrium: Equilibrium,
-        terms: SeriesTerms,
-        forces: Array,
-        pressure: FollowerPressure | None,
-    ) -> None:
-        self.solid, self.u, self.pressure = equilibrium.solid, terms.u, pressure
-        self.free = equilibrium.free
-        self.h = torch.stack(terms.gradients)
-        self.works = np.einsum("knai,nai->nk", terms.u, forces)
-        self.volumes = self.solid.volumes[:, None]
-        squares = (self.volumes * (self.h * self.h).sum((1, 2))).sum((1, 3)).numpy().T
-        self.scale = (squares + TINY) ** -0.5
-        ratios = squares[:, 1:] / (squares[:, :-1] + TINY)
-        self.start = np.cumprod(np.pad(1 / (1 + ratios**2), ((0, 0), (1, 0)), constant_values=1), 1)
-        self.is_small = self.h[0].abs().amax((0, 1, 2, 4)).numpy() <= SMALL
+        first: Tensor,
+        facets: PressedFacets | None = None,
+        pressures: Tensor | None = None,
+    ) -> tuple[Tensor, Tensor]:
+        """Response beyond u₁, and its last term cₙ uₙ, of u₁: in m.
 
-    def found(self) -> Array:
-        """Weights of every load, (N, n)."""
-        c = np.ones(self.start.shape)
-        for row in np.flatnonzero(~self.is_small):
-            c[row] = self._of(slice(row, row + 1))
-        return c
+        Parameters
+        ----------
+        first : Tensor, (N, n_points, d)
+            Response to all forces on the undeformed body.
+        facets : PressedFacets, optional
+            Facets with pressures that follow them.
+        pressures : Tensor, (N, n_surfaces), optional
+            In Pa.
+        """
+        if torch.compiler.is_compiling():  # of an exported file
+            return self._beyond(first, facets, pressures)
+        tracked = torch.is_grad_enabled() and first.requires_grad
+        by_loops = self.compiled and self.is_compiled and first.device.type == "cpu"
+        if by_loops and pressures is None and not tracked:
+            of_loops = self.loops(np.asarray(first.detach().numpy(), self._precision, "C"))
+            beyond, last = (torch.from_numpy(each).to(first.dtype) for each in of_loops)
+            return beyond, last
+        most = AT_ONCE if first.device.type == "cpu" else AT_ONCE_ON_GPU
+        parts = max(1, -(-len(first) * self._values // most))
+        of_parts = pressures.chunk(parts) if pressures is not None else [None] * parts
+        found = [
+            self._beyond(part, facets, of_part)
+            for part, of_part in zip(first.chunk(parts), of_parts, strict=False)
+        ]
+        every, lasts = zip(*found, strict=True)
+        return torch.cat(every), torch.cat(lasts)
 
-    def _of(self, one: slice) -> Array:
-        """Weights of a single load, (n,)."""
-        c, scale = self.start[one][0], self.scale[one][0]
-        halves = 0.5 ** np.arange(1, len(c) + 1)
-        found = self._at(one, c)
-        for _ in range(STEPS):
-            if found is None:
-                c = c * halves
-                found = self._at(one, c)
-                continue
-            g, matrix = found
-            scaled = matrix * scale[:, None] * scale
-            scaled += 1e-9 * np.diag(np.abs(np.diagonal(scaled)) + TINY)
-            step = -np.linalg.solve(scaled, scale * g)
-            size = float(np.linalg.norm(step))
-            small = SMALL_STEP * abs(c[-1] / scale[-1]) + SMALLEST_STEP / scale[0]
-            part = 1.0
-            for _ in range(SHORTENINGS):
-                trial = c + part * scale * step
-                after = self._at(one, trial)
-                if after is not None:
-                    simplified = np.linalg.solve(scaled, scale * after[0])
-                    if np.linalg.norm(simplified) <= (1 - part / 4) * size + small:
-                        break
-                part /= 2
-            else:
-                return c
-            c, found = trial, after
-            if size <= small:
-                break
-        return c
+    def _beyond(
+        self, first: Tensor, facets: PressedFacets | None, pressures: Tensor | None
+    ) -> tuple[Tensor, Tensor]:
+        terms, c = self.combination(first, facets, pressures)
+        u = torch.stack(terms).movedim(1, -2)
+        last = c[:, -1, None, None] * terms[-1]
+        beyond = combined(torch.cat([c[:, :1] - 1, c[:, 1:]], 1), u).movedim(-2, 0)
+        return beyond.to(first.dtype), last.to(first.dtype)
 
-    def _at(self, one: slice, c: Array) -> tuple[Array, Array] | None:
-        """Residual g and its derivative at some weights; None where cells are inverted."""
-        h = self.h[:, :, :, :, one]
-        f = torch.einsum("k,kijcnq->ijcnq", torch.from_numpy(c), h)
-        for i in range(len(f)):
-            f[i, i] += 1
-        points = self.solid.at(f)
-        if bool(self.solid.turned_over(points)[0]):
-            return None
-        stresses = Stresses(self.solid, points)
-        stress = self.volumes * stresses.stress
-        g = torch.einsum("ijcnq,kijcnq->k", stress, h).numpy() - self.works[one][0]
-        changes = [self.volumes * stresses.change(each) for each in h]
-        matrix = torch.einsum("lijcnq,kijcnq->kl", torch.stack(changes), h).numpy()
-        if self.pressure is not None:
-            u, push = self.u[:, one], self.pressure[one]
-            at = np.einsum("k,knai->nai", c, u)
-            g = g - np.einsum("nai,knai->k", push.forces(at), u)
-            for _, facets, blocks in push.tangents(at):
-                local = u[:, 0][:, facets].reshape(len(u), len(facets), -1)
-                matrix = matrix + np.einsum("kfi,fij,lfj->kl", local, blocks, local)
-        return (g, matrix) if np.isfinite(g).all() and np.isfinite(matrix).all() else None
+    def combination(
+        self,
+        first: Tensor,
+        facets: PressedFacets | None = None,
+        pressures: Tensor | None = None,
+    ) -> tuple[list[Tensor], Tensor]:
+        """Terms in m, (N, n_points, d), and their weights, (N, n), of u₁."""
+        u, h = self.terms(first, facets, pressures)
+        pressed = None
+        if facets is not None and pressures is not None:
+            pressed = facets.works(pressures, u)
+        c = self._weights(h, pressed)
+        is_small = h[0].abs().amax((0, 1, 2, 4)) <= SMALL
+        return u, torch.where(is_small[:, None], torch.ones_like(c), c)
+
+    def terms(
+        self,
+        first: Tensor,
+        facets: PressedFacets | None = None,
+        pressures: Tensor | None = None,
+    ) -> tuple[list[Tensor], Tensor]:
+        """u₁, u₂, … in m, (N, n_points, d), and gradients (n, d, d, n_cells, N, n_points), of u₁.
+
+        Responses are in the precision of u₁.
+        """
+        solid, series, u = self.solid, SeriesOfBody(self.solid), [first.double()]
+        slopes = [solid.slopes(u[0])]
+        while len(u) < self.order:
+            series.add(slopes[-1])
+            forces = -solid.forces_of(series.next_stress())
+            if facets is not None and pressures is not None:
+                forces = forces + facets.term(pressures, u)
+            u.append(self._respond(forces.to(first.dtype)).double())
+            slopes.append(solid.slopes(u[-1]))
+        return u, torch.stack(slopes)
+
+    def _by_factor(self, forces: Tensor) -> Tensor:
+        f = forces.detach().cpu().numpy() * self.equilibrium.free
+        return torch.from_numpy(self.equilibrium.linear_response(f)).to(forces)

@@ -27,6 +27,7 @@ from torch import Tensor
 from surrogate.mechanics.energy.law import DILATION, FIBRES, FIRST, SECOND, VOLUME, Law
 from surrogate.mechanics.energy.tape import RULES, Operation
 from surrogate.mechanics.solids.deformation import cross
+from surrogate.mechanics.solids.solid import Solid
 
 Coefficient = Tensor | None  # None is zero
 
@@ -285,3 +286,61 @@ def add_product(
     if factor is None or (isinstance(factor, float) and factor == 0):
         return total
     return total + (times_ * factor) * a
+
+
+class SeriesOfBody:
+    """Terms of the stress of a body, of one law after the other.
+
+    Parameters
+    ----------
+    solid : Solid
+    """
+
+    def __init__(self, solid: Solid) -> None:
+        self.solid, d = solid, solid.gradients.shape[3]
+        self._laws = []
+        for number, law in enumerate(solid.laws):
+            fibres: list[Tensor] = []
+            if solid.fibres is not None and law.families:
+                of_law = solid.fibres[: law.families]
+                fibres = list(of_law[:, :, solid.members[number]] if solid.members else of_law)
+            self._laws.append(SeriesOfLaw(law, d, fibres))
+        self._begun = False
+
+    def add(self, h: Tensor) -> None:
+        """Set the next H, (d, d, n_cells, N, n_points)."""
+        parts = self._parts(h)
+        if not self._begun:
+            self._begin(parts)
+        self._begun = False
+        gains = self._projected([trace(part) for part in parts])
+        for law, part, gain in zip(self._laws, parts, gains, strict=True):
+            law.complete(part, gain)
+        more = self._projected([law.pressure_gain() for law in self._laws])
+        for law, gain in zip(self._laws, more, strict=True):
+            law.pressure[-1] = sum_of(law.pressure[-1], gain)
+
+    def next_stress(self) -> Tensor:
+        """The next P without what is linear in H, likewise."""
+        return self.solid.joined(self._begin([torch.zeros_like(law.h[-1]) for law in self._laws]))
+
+    def _begin(self, like: Sequence[Tensor]) -> list[Tensor]:
+        self._begun, laws = True, self._laws
+        volumes = [law.begin(part) for law, part in zip(laws, like, strict=True)]
+        slopes = []
+        for law, dilation in zip(laws, self._projected(volumes), strict=True):
+            slope = law.scalars(dilation)
+            slopes.append(torch.zeros_like(law.h[-1][0, 0]) if slope is None else slope)
+        pressures = self._projected(slopes)
+        return [law.stress(pressure) for law, pressure in zip(laws, pressures, strict=True)]
+
+    def _projected(self, parts: Sequence[Tensor]) -> list[Coefficient]:
+        """Π of scalars of every law; nothing if the elements have none."""
+        if not self.solid.projects:
+            return [None] * len(parts)
+        return list(self._parts(self.solid.projected(self.solid.joined(parts))))
+
+    def _parts(self, field: Tensor) -> list[Tensor]:
+        """The part of every law of a field (…, n_cells, N, n_points)."""
+        members = self.solid.members
+        return [field[..., some, :, :] for some in members] if members else [field]

@@ -1,121 +1,35 @@
 r"""The response of the body to forces on the grid, to some order in the load.
 
-.. math::
-    U = A \sum_{k=1}^n c_k u_k, \qquad u_1 = K^{-1} f, \qquad
-    u_k = -K^{-1} \sum_q w_q \, \hat P_{k,q} G_a, \qquad k = 2, …, n
+.. math:: U = A \sum_{k=1}^n c_k u_k
 
-with the part P̂ₖ of the k-th term of the stress that follows from u₁ … uₖ₋₁
-(`surrogate.series.stress_series`) and the gradients G of the shape functions. The terms
-are those of `surrogate.series.body_series`, on any device. They are in double precision
-if K⁻¹ is dense: errors of single precision are rough, with much energy. Those of a large body are
-smaller than a network's, and single precision takes half the time. The coefficients c, near 1 under
-moderate loads, are those of the least potential energy (`surrogate.series.least_energy`).
+with the load series of the body's own elements, materials and fibres
+(`surrogate.series.body_series`), on any device, with gradients, and in exported files. u₁ is in
+single precision on a large body without dense K⁻¹: its rounding errors are smaller than a
+network's, and single precision takes half of the time.
+
+A pressure that follows the surface is a part of the forces, as datasets hold them: those on the
+undeformed body. That of a surface is the median of the pressures that explain the forces of its
+nodes; it is exact if fewer than half of these have another force
+(`surrogate.inference.given_load.separated`). Otherwise forces keep their direction.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
-from importlib.util import find_spec
-from typing import TYPE_CHECKING
-
 import numpy as np
 import torch
-from scipy.sparse import csr_array
-from torch import Tensor, nn
+from torch import Tensor
 
-from shared_schema.common.errors import InputError
-from shared_schema.materials import Materials, NeoHookean
+from shared_schema.materials import Materials
 from surrogate.data.geometry import Geometry
-from surrogate.mechanics.block_solve import SparseProduct
 from surrogate.mechanics.compliance import Compliance
+from surrogate.mechanics.follower_pressure import FollowerPressure
 from surrogate.mechanics.linear_response import LinearResponse
-from surrogate.mechanics.solids.zones import material_of_zones, weights_of_zones
-from surrogate.series.least_energy import LeastEnergy
-from surrogate.series.stress_series import SeriesStress, higher_terms
+from surrogate.mechanics.weighted_sums import WeightedSums
+from surrogate.series.body_series import BodySeries
+from surrogate.series.pressure_terms import PressedFacets
 
-if TYPE_CHECKING:
-    from surrogate.series.compiled_series import CompiledSeries
-
-AT_ONCE = 2**19  # values of the search for the least energy that are held at once: in the cache
-AT_ONCE_ON_GPU = 2**26
-COMPILED = 2**15  # such values of one load, from which on compiled code takes less time
-NEGLIGIBLE = 0.01  # gradients in units of the rounding of a number: what is beyond u₁, relative
-COMPILES = find_spec("numba") is not None  # a machine that only trains may do without it
-
-
-class CellOperators(nn.Module):
-    """Gradients of displacements at the quadrature points, and forces of stresses there.
-
-    Fields are (N, d, n_nodes), displacements in m and forces in N.
-
-    Parameters
-    ----------
-    geometry : Geometry
-    material : NeoHookean
-    gradients : Tensor, (n_cells, n_points, n_corners, d)
-        Of the shape functions; their precision is that of all fields.
-    volumes : Tensor, (n_cells, n_points)
-        Weights of the quadrature points (`surrogate.mechanics.solids.zones`).
-
-    Attributes
-    ----------
-    shares : Tensor, (n_cells · n_points,)
-        Weights over a power of two near their mean: energies of a body of micrometres would
-        underflow in single precision.
-    """
-
-    cells: Tensor
-    slopes: Tensor
-    weighted: Tensor
-    volumes: Tensor
-    shares: Tensor
-
-    def __init__(
-        self, geometry: Geometry, material: NeoHookean, gradients: Tensor, volumes: Tensor
-    ) -> None:
-        super().__init__()
-        self.material = material
-        cells = torch.tensor(geometry.cells)
-        self.register_buffer("cells", cells, persistent=False)
-        count, points, corners, d = gradients.shape
-        slopes = gradients.permute(0, 2, 1, 3).reshape(count, corners, points * d)
-        weighted = (gradients * volumes[:, :, None, None]).permute(0, 1, 3, 2)
-        self.register_buffer("slopes", slopes, persistent=False)
-        self.register_buffer(
-            "weighted", weighted.reshape(count, points * d, corners), persistent=False
-        )
-        self.register_buffer("volumes", volumes.flatten(), persistent=False)
-        shares = self.volumes / 2.0 ** round(math.log2(volumes.double().mean()))
-        self.register_buffer("shares", shares, persistent=False)
-        nodes, places = geometry.cells.ravel(), np.arange(geometry.cells.size)
-        shape = len(geometry.coordinates), geometry.cells.size
-        incidence = csr_array((np.ones(geometry.cells.size), (nodes, places)), shape)
-        self.sums = SparseProduct(incidence, gradients.dtype)
-
-    def gradient(self, u: Tensor) -> Tensor:
-        """∂u_i/∂x_j at the quadrature points: (N, d, n_nodes) → (N, d, d, n_points)."""
-        count, corners, columns = self.slopes.shape
-        samples, d, _ = u.shape
-        rows = u.flatten(0, 1).T.contiguous()  # whole rows are fast to select
-        at_corners = rows.index_select(0, self.cells.flatten()).reshape(count, corners, -1)
-        h = torch.bmm(at_corners.transpose(1, 2), self.slopes)
-        h = h.reshape(count, samples, d, columns // d, d)
-        return h.permute(1, 2, 4, 0, 3).flatten(3)
-
-    def forces(self, p: Tensor) -> Tensor:
-        """Forces of stresses: (N, d, d, n_points) → (N, d, n_nodes).
-
-        Every node sums what its cells have. ONNX Runtime would scatter what the cells have to the
-        nodes on several threads, and lose some of it (its issue 18048).
-        """
-        samples, d, _, _ = p.shape
-        count, columns, corners = self.weighted.shape
-        flat = p.reshape(samples, d, d, count, columns // d).permute(3, 0, 1, 4, 2)
-        at_corners = torch.bmm(flat.reshape(count, samples * d, columns), self.weighted)
-        rows = at_corners.transpose(1, 2).reshape(count * corners, samples * d)
-        sums = self.sums(rows)
-        return sums.T.reshape(samples, d, sums.shape[0])
+ROUNDING = 1e-4  # of a force that is told from that of a pressure, relative
+LEAST_AREA = 1e-3  # of the largest one of a node, in tellings of pressures
 
 
 class SeriesResponse(LinearResponse):
@@ -125,7 +39,6 @@ class SeriesResponse(LinearResponse):
     ----------
     geometry : Geometry
     material : ShippedMaterial, or tuple of some
-        A Neo-Hookean one, or some that differ in Young's modulus alone.
     gradient : bool
         Also compute the gradients.
     order : int
@@ -133,145 +46,129 @@ class SeriesResponse(LinearResponse):
 
     Attributes
     ----------
+    series : BodySeries
     precision : torch.dtype
-        Of the terms.
-    compiled : bool
-        Whether compiled code computes the loads on a large body; it takes a third of the time.
-
-    Raises
-    ------
-    InputError
-        If the material is another one.
+        Of u₁.
+    on_nodes : bool
+        Whether elements have no points between the nodes, and loads no pressures that follow the
+        surface, so that u₁ at the nodes tells all.
     """
 
     def __init__(
         self, geometry: Geometry, material: Materials, gradient: bool = True, order: int = 3
     ) -> None:
-        reference = material_of_zones(material)
-        if reference is None:
-            raise InputError(
-                "key 'network.skip' = 'series': expected a body of one Neo-Hookean material, or of "
-                "some that differ in 'young_modulus' alone; 'model: reduced' has series of others"
-            )
-        super().__init__(geometry, material, gradient, torch.float64)
-        assert isinstance(self.compliance, Compliance)
-        solid = self.compliance.equilibrium.solid
-        self.precision = torch.float64 if len(self.compliance.matrix) else torch.float32
-        operators = solid.gradients.to(self.precision), weights_of_zones(solid).to(self.precision)
-        self.higher = CellOperators(geometry, reference, *operators)
-        self.order, self.compiled = order, COMPILES
-        self._by_cells: CompiledSeries | None = None
-        self._least_energy = LeastEnergy()
-        values = order * geometry.dimension**2 * len(self.higher.volumes)
-        self._values, self._is_small = values, values < COMPILED
+        super().__init__(geometry, material, gradient, torch.float64, on_points=True)
+        compliance = self.compliance
+        assert isinstance(compliance, Compliance)
+        self.precision = torch.float64 if len(compliance.matrix) else torch.float32
+        self.order, self.equilibrium = order, compliance.equilibrium
+        responses = self._respond_at_points, compliance.respond_at_nodes
+        self.series = BodySeries(self.equilibrium, order, *responses, self.precision)
+        self.on_points: WeightedSums | None = None
+        if geometry.has_points_between:
+            interpolation = geometry.points_between.interpolation
+            spread = np.zeros((interpolation.shape[0], 1))  # forces between the nodes: none
+            spread[: self.nodes] = 1
+            numbers = np.minimum(np.arange(len(spread)), self.nodes - 1)[:, None]
+            self.on_points = WeightedSums(numbers, spread, torch.float64)
+        self.pressed: PressedLoads | None = None
+        if geometry.surfaces:
+            self.pressed = PressedLoads(geometry, self, self.equilibrium.geometry.coordinates)
+        self.on_nodes = self.on_points is None and self.pressed is None
 
-    def at_nodes(self, force: Tensor) -> Tensor:
-        """Respond at the nodes, in m, in the series' precision: (N, d, nx, ny[, nz]) → …."""
-        return self.respond(self.to_nodes(force.flatten(2)).to(self.precision))
-
-    def on_grid(self, nodal: Tensor) -> tuple[Tensor, Tensor]:
-        """Return the response, and the gradients of u₁ and of the last term, d² channels each.
+    def forward(self, force: Tensor, response: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """Respond, as `LinearResponse` does: the gradients are those of u₁ and of the last term.
 
         The latter, of cₙ uₙ, has no scale.
         """
-        nodal = nodal.to(self.precision)
-        beyond, last = self.beyond_first(nodal)
+        return super().forward(force, response if self.on_nodes else None)
+
+    def at_nodes(self, force: Tensor) -> Tensor:
+        """u₁ at the nodes, in m, in its precision: (N, d, nx, ny[, nz]) → (N, d, n_nodes)."""
+        return self.first(force)[0][:, :, : self.nodes]
+
+    def fields(self, force: Tensor, response: Tensor | None) -> tuple[Tensor, Tensor]:
+        """Fields of `forward`."""
+        if response is not None:
+            return self.on_grid(response)
+        return self.on_grid(*self.first(force))
+
+    def first(self, force: Tensor) -> tuple[Tensor, Tensor | None]:
+        """u₁ at all points in m, and pressures: (N, d, nx, ny[, nz]) → (N, d, n_points)."""
+        nodal, pressures = self.to_nodes(force.flatten(2)).to(self.precision), None
+        if self.pressed is not None:
+            nodal, pressures = self.pressed.told_apart(nodal.double())
+        acting = nodal if self.on_points is None else self.on_points(nodal.double())
+        facets = None if self.pressed is None else self.pressed.facets
+        first = self.series.first(acting.to(self.precision).mT, facets, pressures)
+        return first.mT, pressures
+
+    def on_grid(self, first: Tensor, pressures: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """Return the fields on the grid, of u₁ at all points, and pressures (N, n_surfaces)."""
+        beyond, last = self.beyond_first(first.to(self.precision), pressures)
+        nodal, beyond, last = (field[:, :, : self.nodes] for field in (first, beyond, last))
         linear = self.slopes(nodal.float()) / self.gradient_rms
         return self.fields_on_grid((nodal + beyond).float(), linear, self.slopes(last.float()))
 
-    def beyond_first(self, nodal: Tensor) -> tuple[Tensor, Tensor]:
-        """Response beyond u₁, and its last term, at the nodes in m, of u₁: (N, d, n_nodes) each."""
-        if torch.compiler.is_compiling():  # of an exported file
-            return self._beyond(nodal)
-        alone = self.compiled and not self._is_small and nodal.device.type == "cpu"
-        alone = alone and not nodal.requires_grad  # compiled code has no gradients
-        alone = alone and isinstance(self.compliance, Compliance)  # not while a file is exported
-        if alone:
-            return self._beyond_compiled(nodal)
-        held = AT_ONCE if nodal.device.type == "cpu" else AT_ONCE_ON_GPU
-        parts = [self._beyond(part) for part in torch.split(nodal, max(1, held // self._values))]
-        totals, last = zip(*parts, strict=True)
-        return torch.cat(totals), torch.cat(last)
+    def beyond_first(self, first: Tensor, pressures: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """Response beyond u₁, and its last term, in m, of u₁: (N, d, n_points) each."""
+        facets = None if self.pressed is None else self.pressed.facets
+        beyond, last = self.series(first.mT, facets, pressures)
+        return beyond.mT, last.mT
 
-    def terms(self, nodal: Tensor) -> tuple[list[Tensor], list[Tensor]]:
-        """u₁, u₂, … in m, (N, d, n_nodes), and their gradients, (N, d, d, n_points), of u₁."""
-        gradient = self.higher.gradient(nodal)
-        series = SeriesStress(self.higher.material, gradient)
-        terms, gradients = higher_terms(series, self.order, self.higher.gradient, self.balanced)
-        return [nodal, *terms], [gradient, *gradients]
-
-    def _beyond(self, nodal: Tensor) -> tuple[Tensor, Tensor]:
-        shape = nodal.shape
-        beyond, last = beyond_linear(
-            self.higher.material,
-            self.higher.shares,
-            self.order,
-            nodal.flatten(1),
-            lambda u: self.higher.gradient(u.reshape(shape)),
-            lambda stress: self.balanced(stress).flatten(1),
-            self._least_energy,
-        )
-        return beyond.reshape(shape), last.reshape(shape)
-
-    def _beyond_compiled(self, nodal: Tensor) -> tuple[Tensor, Tensor]:
-        """The same, compiled."""
-        beyond, last = self.by_cells(nodal.transpose(1, 2).contiguous().numpy())
-        return torch.from_numpy(beyond).transpose(1, 2), torch.from_numpy(last).transpose(1, 2)
-
-    @property
-    def by_cells(self) -> CompiledSeries:
-        """The compiled response of a body on the CPU."""
-        if self._by_cells is None:
-            from surrogate.series.compiled_series import CompiledSeries  # Numba: half a second
-
-            assert isinstance(self.compliance, Compliance)
-            solid, respond = self.compliance.equilibrium.solid, self.compliance.respond_at_nodes
-            kind = np.float64 if self.precision == torch.float64 else np.float32
-            self._by_cells = CompiledSeries(solid, kind, respond, self.order)
-        return self._by_cells
-
-    def balanced(self, stress: Tensor) -> Tensor:
-        """Displacements that balance stresses: (N, d, d, n_points) → (N, d, n_nodes)."""
-        return -self.respond(self.higher.forces(stress))
+    def _respond_at_points(self, forces: Tensor) -> Tensor:
+        """K⁻¹ f, (N, n_points, d)."""
+        return self.respond(forces.to(self.precision).mT).mT
 
 
-def beyond_linear(
-    material: NeoHookean,
-    volumes: Tensor,
-    order: int,
-    first: Tensor,
-    gradient: Callable[[Tensor], Tensor],
-    balanced: Callable[[Tensor], Tensor],
-    least_energy: LeastEnergy,
-) -> tuple[Tensor, Tensor]:
-    """Return Σₖ cₖ uₖ - u₁ and the last term cₙ uₙ in m, (…, n_dofs) each, of u₁.
-
-    Both are zero under loads so small that they are less than the rounding errors of u₁, where
-    products of the gradients could leave the range of numbers.
+class PressedLoads(torch.nn.Module):
+    """Tells pressures that follow the surface from dead loads at the nodes.
 
     Parameters
     ----------
-    material : NeoHookean
-    volumes : Tensor, (n_points,)
-        Of the quadrature points, in any unit.
-    order : int
-        Order n, 2 at least.
-    first : Tensor, (…, n_dofs)
-        u₁ in m.
-    gradient : callable
-        Displacements in m to their gradients, (…, n_dofs) → (…, d, d, n_points).
-    balanced : callable
-        Stresses in Pa to the displacements that balance them, (…, d, d, n_points) → (…, n_dofs).
-    least_energy : LeastEnergy
-        Search for the coefficients.
+    geometry : Geometry
+    response : LinearResponse
+        Of the body: loads are its `to_nodes` of those on the grid.
+    coordinates : array, (n_points, d)
+        Positions of all points of the elements in m.
     """
-    slope = gradient(first)
-    largest = slope.abs().flatten(-3).amax(-1)
-    seen = (largest == 0) | (largest > NEGLIGIBLE * torch.finfo(slope.dtype).eps)
-    first, slope = first * seen[..., None], slope * seen[..., None, None, None]
-    terms, slopes = higher_terms(SeriesStress(material, slope), order, gradient, balanced)
-    every = torch.stack([first, *terms], -2)
-    c = least_energy(material, volumes, [slope, *slopes])
-    last = c[..., -1:].to(first) * terms[-1]
-    beyond = c - torch.eye(1, order, dtype=c.dtype, device=c.device)[0]
-    return (beyond.to(first)[..., None, :] @ every)[..., 0, :], last
+
+    areas: Tensor
+
+    def __init__(
+        self, geometry: Geometry, response: LinearResponse, coordinates: np.ndarray
+    ) -> None:
+        super().__init__()
+        surfaces, count = geometry.surfaces, len(geometry.surfaces)
+        self.facets = PressedFacets(coordinates, surfaces)
+        points = geometry.pressed_points
+        units = FollowerPressure.on(geometry.coordinates, surfaces, np.eye(count), points)
+        loads = units.load[:, : len(geometry.coordinates)] * geometry.free
+        on_grid = torch.from_numpy(np.stack([geometry.grid.forces_to_grid(f) for f in loads]))
+        areas = response.to_nodes(on_grid.flatten(2).float()).double()
+        self.register_buffer("areas", areas, persistent=False)
+        sizes = areas.square().sum(1)
+        touched = sizes > LEAST_AREA**2 * sizes.amax(1, keepdim=True)
+        own = touched & (touched.sum(0) == 1)
+        self.known = bool(own.any(1).all())
+        for number, some in enumerate(own):
+            nodes = some.nonzero()[:, 0]
+            self.register_buffer(f"nodes_{number}", nodes, persistent=False)
+
+    def told_apart(self, nodal: Tensor) -> tuple[Tensor, Tensor | None]:
+        """Dead loads, and pressures in Pa: (N, d, n_nodes) in N → same, (N, n_surfaces)."""
+        if not self.known:
+            return nodal, None
+        found = []
+        for number, area in enumerate(self.areas):
+            nodes = self.get_buffer(f"nodes_{number}")
+            a, f = area.index_select(1, nodes), nodal.index_select(2, nodes)
+            each = ((f * a).sum(1) / a.square().sum(0)).sort(1).values
+            count = each.shape[1]
+            pressure = (each[:, (count - 1) // 2] + each[:, count // 2]) / 2
+            rest = (f - pressure[:, None, None] * a).square().sum(1)
+            loaded = rest > ROUNDING**2 * f.square().sum(1)
+            follows = 2 * loaded.sum(1) < count
+            found.append(torch.where(follows, pressure, torch.zeros_like(pressure)))
+        pressures = torch.stack(found, 1)
+        return nodal - (pressures @ self.areas.flatten(1)).reshape(nodal.shape), pressures

@@ -45,9 +45,9 @@ def series_on_grid(dataset: Dataset, linear: LinearResponse, force: Tensor) -> l
     second, third = [], []
     for start in range(0, len(force), batch):
         forces = linear.to_nodes(force[start : start + batch].flatten(2)).transpose(1, 2)
-        terms = series.terms(forces.double().contiguous().numpy()).u
-        second.append(torch.from_numpy(grid.to_grid(terms[1])).float())
-        third.append(torch.from_numpy(grid.to_grid(terms[2])).float())
+        terms, _ = series.terms(series.first(forces.double()))
+        second.append(torch.from_numpy(grid.to_grid(terms[1].numpy())).float())
+        third.append(torch.from_numpy(grid.to_grid(terms[2].numpy())).float())
         progress.update(min(start + batch, len(force)))
     progress.close("done")
     return [torch.cat(second), torch.cat(third)]

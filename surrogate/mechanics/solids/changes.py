@@ -74,6 +74,11 @@ class Stresses:
         self.inside = elements.joined([part.state.inside for part in self._parts])
         self.stress = elements.joined([part.state.stress(part.first) for part in self._parts])
 
+    @property
+    def energy(self) -> Values:
+        """W at the points in J/m³, from rest on: (n_cells, …)."""
+        return self._elements.joined([part.of_points(part.energy) for part in self._parts])
+
     def change(self, h: Values) -> Values:
         """δP in Pa along H: (d, d, n_cells, …) → same."""
         elements, parts = self._elements, self._parts
@@ -104,6 +109,7 @@ class _Part:
         self.state: Deformation = points.state(law)
         self._cells = cells
         outputs = law.energy(self.state.measures, library_of(points.f))
+        self.energy = outputs[0] - law.energy_at_rest
         self.first: list[Values] = outputs[1 : 1 + law.count]
         self._second = law.second(outputs)
         numbers = {n for pair in self._second for n in pair} | {VOLUME}

@@ -28,15 +28,18 @@ tangent without them is called relaxed; a step with it makes the volumes right.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 from torch import Tensor, nn
 
 from shared_schema.materials import Materials, as_tuple
+from surrogate.mechanics.block_solve import SparseProduct
 from surrogate.mechanics.energy.law import DILATION, VOLUME, Law, law_of
 from surrogate.mechanics.solids.deformation import Deformation, cofactors, determinant, moduli_of
 from surrogate.mechanics.solids.elements import cell_gradients
@@ -62,7 +65,7 @@ class Points(NamedTuple):
     pressure: Tensor | None = None
     fibres: Tensor | None = None
 
-    def of(self, cells: NDArray[np.int64]) -> Points:
+    def of(self, cells: Tensor) -> Points:
         """Those of some cells."""
         dilation, pressure, fibres = self.dilation, self.pressure, self.fibres
         return Points(
@@ -101,8 +104,6 @@ class Solid(nn.Module):
     ----------
     nodes : int
         Number of nodes.
-    members : list of array of int
-        Cells of every material, if there are several.
     projects : bool
         Whether θ is found from J.
     shapes : Tensor, (n_points, n_functions)
@@ -133,13 +134,14 @@ class Solid(nn.Module):
         gradients, volumes = cell_gradients(coordinates, cells, cell_type)
         self.nodes = len(coordinates)
         self.materials = as_tuple(material)
-        self.members = []
         if len(self.materials) > 1:
             if parts is None or not np.all((parts >= 0) & (parts < len(self.materials))):
                 raise ValueError("a cell is of none of the materials")
-            self.members = [np.flatnonzero(parts == i) for i in range(len(self.materials))]
-            order = torch.from_numpy(np.argsort(np.concatenate(self.members)))
-            self.register_buffer("_order", order, persistent=False)
+            order = torch.from_numpy(np.argsort(parts, kind="stable"))
+            self.register_buffer("_order", order.argsort(), persistent=False)
+            for i in range(len(self.materials)):
+                members = torch.from_numpy(np.flatnonzero(parts == i))
+                self.register_buffer(f"_members_{i}", members, persistent=False)
         families = max(material.family_count for material in self.materials)
         if families > (0 if fibres is None else fibres.shape[1]):
             raise ValueError("a material has fibres, whose directions are missing")
@@ -153,12 +155,26 @@ class Solid(nn.Module):
         shapes, corners = self._functions(cells, cell_type)
         self.register_buffer("shapes", torch.tensor(shapes), persistent=False)
         self.register_buffer("corners", torch.tensor(corners), persistent=False)
+        shape, places = (self.nodes, cells.size), np.arange(cells.size)
+        incidence = csr_array((np.ones(cells.size), (cells.ravel(), places)), shape)
+        self.sums = SparseProduct(incidence, self.gradients.dtype)
 
     def _functions(
         self, cells: NDArray[np.int64], cell_type: str
     ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """`shapes` and `corners`: none."""
         return np.empty((self.volumes.shape[1], 0)), cells[:, :0]
+
+    @property
+    def members(self) -> list[Tensor]:
+        """Cells of every material, if there are several."""
+        count = len(self.materials)
+        return [self.get_buffer(f"_members_{i}") for i in range(count)] if count > 1 else []
+
+    def apart(self) -> Self:
+        """The same solid, whose tensors go to a device or another precision by themselves."""
+        found: Self = _with_own_buffers(self)
+        return found
 
     @property
     def laws(self) -> list[Law]:
@@ -168,27 +184,34 @@ class Solid(nn.Module):
 
     def deformation_gradient(self, u: Tensor) -> Tensor:
         """F at the quadrature points: (N, n_nodes, d) in m → (d, d, n_cells, N, n_points)."""
-        return self.gradient_of(self.at_corners(u))
+        return self.slopes(u) + self.identity
 
-    def at_corners(self, u: Tensor) -> Tensor:
-        """Displacements of the cells' corners: (N, n_nodes, d) → (n_cells, N, d, n_corners)."""
-        return u[:, self.cells].permute(1, 0, 3, 2)
+    @property
+    def identity(self) -> Tensor:
+        """F of the undeformed body: (d, d, 1, 1, 1)."""
+        gradients = self.gradients
+        unit = torch.eye(gradients.shape[3], dtype=gradients.dtype, device=gradients.device)
+        return unit[:, :, None, None, None]
 
-    def gradient_of(self, at_corners: Tensor) -> Tensor:
-        """F at the quadrature points: (n_cells, N, d, n_corners) → (d, d, n_cells, N, n_points)."""
+    def slopes(self, u: Tensor) -> Tensor:
+        """∇u at the quadrature points: (N, n_nodes, d) in m → (d, d, n_cells, N, n_points)."""
         count, points, corners, d = self.gradients.shape
-        samples = at_corners.shape[1]
-        slopes = self.gradients.transpose(1, 2).reshape(count, corners, points * d)
-        h = torch.bmm(at_corners.reshape(count, samples * d, corners), slopes)
-        h = h.reshape(count, samples, d, points, d)
-        identity = torch.eye(d, dtype=h.dtype, device=h.device)
-        return h.permute(2, 4, 0, 1, 3).contiguous() + identity[:, :, None, None, None]
+        rows = u.transpose(0, 1).flatten(1)  # whole rows are fast to select
+        at_corners = rows.index_select(0, self.cells.flatten()).reshape(count, corners, -1)
+        of_shapes = self.gradients.transpose(1, 2).reshape(count, corners, points * d)
+        h = torch.bmm(at_corners.transpose(1, 2), of_shapes).reshape(count, -1, d, points, d)
+        return h.permute(2, 4, 0, 1, 3).contiguous()
 
     def sum_at_nodes(self, forces: Tensor) -> Tensor:
-        """Sum what acts at the corners: (n_cells, N, d, n_corners) → (N, n_nodes, d)."""
-        at_nodes = forces.permute(1, 0, 3, 2).flatten(1, 2)
-        total = forces.new_zeros(forces.shape[1], self.nodes, forces.shape[2])
-        return total.index_add(1, self.cells.flatten(), at_nodes)
+        """Sum what acts at the corners: (n_cells, N, d, n_corners) → (N, n_nodes, d).
+
+        Every node sums what its cells have. ONNX Runtime would scatter what the cells have to the
+        nodes on several threads, and lose some of it (its issue 18048).
+        """
+        _, samples, d, _ = forces.shape
+        rows = forces.permute(0, 3, 1, 2).reshape(-1, samples * d)
+        total: Tensor = self.sums(rows)
+        return total.reshape(-1, samples, d).transpose(0, 1)
 
     def by_law(
         self,
@@ -218,6 +241,11 @@ class Solid(nn.Module):
         for number, members in enumerate(self.members):
             numbers[members] = number
         return numbers
+
+    def moduli_of_cells(self) -> Tensor:
+        """Shear modulus of every cell at rest in Pa, (n_cells,)."""
+        moduli = torch.tensor([each.lame_mu for each in self.materials], dtype=torch.float64)
+        return moduli[self.material_of_cells()]
 
     @cached_property
     def compiled(self) -> CompiledSolid:
@@ -395,3 +423,11 @@ def curvature(points: Points, law: Law) -> Tensor:
     state = points.state(law)
     second = law.second(law.energy(state.measures, torch))
     return torch.zeros_like(state.j) + second.get((DILATION, DILATION), 0.0)
+
+
+def _with_own_buffers(module: nn.Module) -> Any:
+    found = copy(module)
+    found._buffers = dict(module._buffers)
+    modules = ((name, each) for name, each in module._modules.items() if each is not None)
+    found._modules = {name: _with_own_buffers(each) for name, each in modules}
+    return found

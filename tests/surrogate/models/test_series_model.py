@@ -89,7 +89,8 @@ def test_other_materials_have_their_series(data: Path, tmp_path: Path) -> None:
     assert np.abs(found - expected).max() < 1e-4 * largest
     assert np.abs(linear - expected).max() > 5e-3 * largest
     np.testing.assert_array_equal(model.solve(forces[0]).displacement, model.predict(forces[0]))
-    np.testing.assert_array_equal(model.averaged_passes(forces).mean, found)
+    by_passes = model.averaged_passes(forces).mean  # in single precision
+    np.testing.assert_allclose(by_passes, found, rtol=0, atol=1e-6 * largest)
 
 
 def test_run_is_evaluated_on_samples_of_its_body(run: Path, data: Path, tmp_path: Path) -> None:

@@ -16,7 +16,8 @@ from surrogate.data.geometry import Geometry
 from surrogate.mechanics.follower_pressure import FollowerPressure
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.solids.changes import Stresses
-from surrogate.series.body_series import BodySeries, Weights, slope_of
+from surrogate.series.body_series import BodySeries
+from surrogate.series.pressure_terms import PressedFacets
 from tests.surrogate.conftest import box_cells
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
 from tests.surrogate.page.page_in_node import PageInNode
@@ -66,10 +67,8 @@ def test_page_computes_what_python_does(
         pressure = under.pressure
         assert pressure is not None
         pressures, surfaces = pressure.pressures[0].tolist(), pressure.surfaces
-    series = BodySeries(plain, ORDER)
-    terms = series.terms(force, pressure)
-    weights = Weights(under, terms, force, pressure).found()
-    expected = np.einsum("nk,knai->nai", weights, terms.u)
+    terms, weights = combination(plain, ORDER, force, pressure)
+    expected = np.einsum("nk,knai->nai", weights, terms)
     rng = np.random.default_rng(0)
     u = (1 + 0.02 * rng.normal(size=expected.shape)) * expected
     x = rng.normal(size=expected.shape) * plain.free
@@ -85,14 +84,14 @@ def test_page_computes_what_python_does(
     )
     solid = plain.solid
     at = solid.with_pressure(solid.points(torch.from_numpy(u)))
-    change = Stresses(solid, at).change(slope_of(solid, x))
+    change = Stresses(solid, at).change(solid.slopes(torch.from_numpy(x)))
     factor, stable = under._factors(u)[0]
     assert state["energy"] == pytest.approx(float(solid.energy(torch.from_numpy(u))), rel=1e-9)
     assert_close(state["residual"], under.out_of_balance(u, force))
     assert_close(state["product"], solid.forces_of(change).numpy())
     assert_close(state["solved"], under.solved_by(factor, x))
     assert state["stable"] == stable
-    for term, own, weight in zip(found["terms"], terms.u, weights[0], strict=True):
+    for term, own, weight in zip(found["terms"], terms, weights[0], strict=True):
         size = np.abs(expected).max() / max(abs(weight), 1e-3)  # of a term that matters
         np.testing.assert_allclose(np.array(term).reshape(own.shape), own, atol=1e-9 * size)
     assert_close(found["series"], expected)
@@ -101,6 +100,15 @@ def test_page_computes_what_python_does(
     if python.settled:
         error = np.array(verdict["error"]).reshape(-1, d)[: plain.nodes]
         assert_close(error, python.error, 1e-6)
+
+
+def combination(
+    equilibrium: Equilibrium, order: int, forces: Array, pressure: FollowerPressure | None = None
+) -> tuple[Array, Array]:
+    """Terms, (n, N, n_points, d), and weights, (N, n)."""
+    series, pressed = BodySeries(equilibrium, order), PressedFacets.of(pressure)
+    terms, weights = series.combination(series.first(torch.from_numpy(forces), *pressed), *pressed)
+    return torch.stack(terms).numpy(), weights.numpy()
 
 
 def assert_same_verdicts(
@@ -199,11 +207,10 @@ def test_series_of_every_order(ask: PageInNode, cell_type: str) -> None:
     loads = [(factor * force, order) for factor in (1e-6, 1.0) for order in (1, 2, 4, 8)]
     found = ask(equilibrium, [{"kind": "series", "force": f, "order": order} for f, order in loads])
     for (load, order), page in zip(loads, found, strict=True):
-        series = BodySeries(equilibrium, order)
-        weights = Weights(equilibrium, terms := series.terms(load[None]), load[None], None).found()
-        expected = np.einsum("nk,knai->nai", weights, terms.u)[0]
-        if order == 1:
-            expected = equilibrium.linear_response(load[None])[0]
+        expected = equilibrium.linear_response(load[None])[0]
+        if order > 1:
+            terms, weights = combination(equilibrium, order, load[None])
+            expected = np.einsum("nk,knai->nai", weights, terms)[0]
         assert_close(page["series"], expected, 1e-6)  # the matrix of 8 terms is nearly singular
 
 

@@ -12,13 +12,13 @@ from surrogate.data.geometry import Geometry
 from surrogate.mechanics.compiled.fields import compiled
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.series import compiled_weights
-from surrogate.series import least_energy as least_energy_module
-from surrogate.series.cofactors import cofactors, cross_product, linear_cofactors
+from surrogate.series import weights as weights_module
+from surrogate.series.body_series import BodySeries
 from surrogate.series.compiled_series import SeriesBody, add_next_term
 from surrogate.series.compiled_terms import room_for_terms
 from surrogate.series.compiled_weights import Potential
-from surrogate.series.least_energy import EnergyOfTerms, LeastEnergy, solved
 from surrogate.series.series_response import SeriesResponse
+from surrogate.series.weights import Weights, solved
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
 
 energy_at = compiled(compiled_weights.energy_at)
@@ -36,18 +36,20 @@ class Terms:
         self.equilibrium = Equilibrium(geometry, material)
         load = t * end_load(geometry, *LOAD[: geometry.dimension])
         self.forces = np.stack([load, -0.5 * load])
-        self.response = SeriesResponse(geometry, material, order=ORDER)
+        series = BodySeries(self.equilibrium, ORDER)
         first = torch.from_numpy(self.equilibrium.linear_response(self.forces))
-        self.terms, self.gradients = self.response.terms(first.transpose(1, 2))
-        self.material, self.volumes = material, self.response.higher.volumes
+        self.terms, self.gradients = series.terms(first)
+        self.weights = Weights(series.solid)
+        self.potential = self.weights.terms(self.gradients)
+
+    def at(self, c: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        return self.weights.at(c, self.potential)
 
     def displacement(self, c: torch.Tensor) -> np.ndarray:
-        fields = torch.stack(self.terms, dim=-1)
-        return (fields * c[:, None, None]).sum(-1).transpose(1, 2).contiguous().numpy()
+        return torch.einsum("nk,knai->nai", c, torch.stack(self.terms)).numpy()
 
     def least(self) -> torch.Tensor:
-        c: torch.Tensor = LeastEnergy()(self.material, self.volumes, self.gradients)
-        return c
+        return self.weights(self.gradients)
 
 
 @pytest.mark.parametrize("volumetric", ["paper", "quadratic"])
@@ -58,27 +60,26 @@ def test_energy_is_that_of_the_body(cell_type: str, volumetric: str) -> None:
         {"young_modulus": 500, "poisson_ratio": 0.4, "volumetric": volumetric}
     )
     terms = Terms(box(cell_type), material)
-    potential = EnergyOfTerms.of(material, terms.volumes, terms.gradients)
     c = torch.tensor([[0.9, 1.1, 0.7], [1.0, 0.5, 2.0]], dtype=torch.float64, requires_grad=True)
-    _, energy, gradient, hessian = potential.at(c)
+    energy, gradient, hessian = terms.at(c)
     expected = terms.equilibrium.potential(terms.displacement(c.detach()), terms.forces)
     np.testing.assert_allclose(energy.detach(), expected, rtol=1e-9)
     (by_autograd,) = torch.autograd.grad(energy.sum(), c)
     torch.testing.assert_close(gradient, by_autograd)
-    rows = [torch.autograd.grad(potential.at(c)[2][:, k].sum(), c)[0] for k in range(ORDER)]
+    rows = [torch.autograd.grad(terms.at(c)[1][:, k].sum(), c)[0] for k in range(ORDER)]
     torch.testing.assert_close(hessian, torch.stack(rows, dim=1))
-    torch.testing.assert_close(potential.works, potential.at(0 * c)[3][:, 0].detach())
+    works = np.einsum("knai,nai->nk", np.stack(terms.terms), terms.forces)
+    np.testing.assert_allclose(terms.potential.works, works, rtol=1e-9)
 
 
 @pytest.mark.parametrize("cell_type", ["quad", "tetra"])
 def test_coefficients_are_stationary_and_stable(cell_type: str) -> None:
     terms = Terms(box(cell_type), t=2.0)
-    potential = EnergyOfTerms.of(terms.material, terms.volumes, terms.gradients)
-    _, energy, gradient, hessian = potential.at(terms.least())
-    scale = potential.squares.diagonal(dim1=1, dim2=2).sqrt()
+    energy, gradient, hessian = terms.at(terms.least())
+    scale = terms.potential.stiffness.sqrt()
     assert float((gradient / scale).norm(dim=1).max()) < 1e-5 * float(energy.abs().max().sqrt())
     assert float(torch.linalg.eigvalsh(hessian).min()) > 0
-    assert bool((energy < potential.at(torch.ones_like(gradient))[1]).all())
+    assert bool((energy < terms.at(torch.ones_like(gradient))[0]).all())
 
 
 @pytest.mark.parametrize("cell_type", ["quad", "hexahedron"])
@@ -113,9 +114,9 @@ def test_compiled_energy_is_the_same(cell_type: str, volumetric: str) -> None:
         {"young_modulus": 500, "poisson_ratio": 0.4, "volumetric": volumetric}
     )
     terms = Terms(box(cell_type), material, t=2.0)
-    expected, least = EnergyOfTerms.of(material, terms.volumes, terms.gradients), terms.least()
+    least = terms.least()
     c = torch.tensor([0.9, 1.1, 0.7], dtype=torch.float64)
-    _, energy, gradient, hessian = expected.at(c.expand(2, ORDER))
+    energy, gradient, hessian = terms.at(c.expand(2, ORDER))
     for sample in range(2):
         potential, unit = compiled_potential(terms, sample)
         found, of_found = np.empty(ORDER), np.empty((ORDER, ORDER))
@@ -127,7 +128,7 @@ def test_compiled_energy_is_the_same(cell_type: str, volumetric: str) -> None:
         by_newton = compiled_least_energy(potential, np.finfo(float).eps)
         np.testing.assert_allclose(by_newton, least[sample], rtol=1e-5)
         far = torch.tensor([[x, 0, 0] for x in (-30, -10, -3, 3, 10, 30)], dtype=torch.float64)
-        energies = [expected.at(c.expand(2, ORDER)).energy[sample] for c in far]
+        energies = [terms.at(c.expand(2, ORDER))[0][sample] for c in far]
         values = [energy_at(c.numpy(), potential, found, of_found) * unit for c in far]
         np.testing.assert_allclose(values, energies, rtol=1e-9)
         assert np.inf in values
@@ -138,7 +139,7 @@ def compiled_potential(terms: Terms, sample: int) -> tuple[Potential, float]:
     cells, laws, moduli = SeriesBody.of(terms.equilibrium.solid, np.float64)
     room = room_for_terms(1, ORDER, cells, laws)
     for k, term in enumerate(terms.terms, start=1):
-        u = np.ascontiguousarray(term[sample].T.numpy())[None]
+        u = np.ascontiguousarray(term[sample].numpy())[None]
         add_next_term(k, cells, laws, u, room, np.zeros_like(u))
     return potential_of_terms(room.h[0], cells, laws, moduli), cells.unit
 
@@ -152,8 +153,10 @@ def test_compiled_terms_are_the_same(cell_type: str) -> None:
         load = t * end_load(geometry, *LOAD[: geometry.dimension])
         first = torch.from_numpy(Equilibrium(geometry, MATERIAL).linear_response(load[None]))
         nodal = first.transpose(1, 2).contiguous()
+        response.series.compiled = False
         expected = response.beyond_first(nodal)
-        for field, other in zip(response.by_cells(first.numpy()), expected, strict=True):
+        compiled = response.series.loops(first.numpy())
+        for field, other in zip(compiled, expected, strict=True):
             size = float((nodal + expected[0]).abs().max())
             np.testing.assert_allclose(field[0], other[0].T, rtol=0, atol=1e-6 * size)
 
@@ -162,6 +165,7 @@ def test_loads_do_not_depend_on_others() -> None:
     """Small loads converge in two steps; large ones, beside them, in many."""
     geometry = box("quad")
     response = SeriesResponse(geometry, MATERIAL, order=4)
+    response.series.compiled = False
     forces = np.random.default_rng(0).normal(size=(64, *geometry.coordinates.shape))
     forces *= np.geomspace(0.1, 4.0, 64)[:, None, None]
     first = torch.from_numpy(Equilibrium(geometry, MATERIAL).linear_response(forces))
@@ -192,10 +196,12 @@ def test_exported_files_search_as_long_as_it_takes() -> None:
     loads = np.array([0.1, 2.0, 4.0, 30.0])[:, None, None] * end_load(geometry, 1.0, -4.0)
     first = torch.from_numpy(Equilibrium(geometry, MATERIAL).linear_response(loads))
     nodal = first.transpose(1, 2).contiguous()
-    _, gradients = response.terms(nodal)
-    potential = EnergyOfTerms.of(MATERIAL, response.higher.volumes, gradients)
-    fading = least_energy_module._fading(potential.squares.diagonal(dim1=-2, dim2=-1))
-    assert bool(potential.at(fading).energy.isinf().any())
+    response.series.compiled = False
+    _, gradients = response.series.terms(first)
+    weights = Weights(response.equilibrium.solid)
+    potential = weights.terms(gradients)
+    fading = weights_module._fading(potential.stiffness)
+    assert bool(weights.at(fading, potential)[0].isinf().any())
     expected, _ = response.beyond_first(nodal)
     shapes = ({0: torch.export.Dim("samples")},)
     program = torch.export.export(Beyond(response), (nodal[:2],), dynamic_shapes=shapes)
@@ -213,20 +219,3 @@ def test_small_systems() -> None:
     right = torch.randn(5, 4, generator=generator, dtype=torch.float64)
     matrix = root @ root.mT + torch.eye(4)
     torch.testing.assert_close(solved(matrix, right), torch.linalg.solve(matrix, right))
-
-
-def test_cofactors() -> None:
-    """Cof A = det A · A⁻ᵀ, in the plane and in space; the product is the mixed part."""
-    generator = torch.Generator().manual_seed(0)
-    for d in (2, 3):
-        a, b = torch.randn(2, d, d, 7, generator=generator, dtype=torch.float64)
-        inverse = torch.linalg.inv(a.movedim(-1, 0)).mT.movedim(0, -1)
-        expected = torch.linalg.det(a.movedim(-1, 0)) * inverse
-        if d == 2:
-            torch.testing.assert_close(linear_cofactors(a), expected)
-            continue
-        torch.testing.assert_close(cofactors(a), expected)
-        mixed = cofactors(a + b) - cofactors(a) - cofactors(b)
-        torch.testing.assert_close(cross_product(a, b), mixed)
-        unit = torch.eye(3, dtype=torch.float64)[..., None].expand_as(a)
-        torch.testing.assert_close(linear_cofactors(a), cross_product(unit, a))
