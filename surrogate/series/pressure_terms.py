@@ -100,7 +100,9 @@ class PressedFacets(nn.Module):
         (N, n + 1, n + 1, n) of i, j, m.
         """
         of_terms = torch.stack([self.tangents(each) for each in u], 1)
-        tangents = torch.cat([self.at_rest.expand(len(u[0]), 1, *of_terms.shape[2:]), of_terms], 1)
+        tangents = torch.cat(
+            [self.at_rest.expand(u[0].shape[0], 1, *of_terms.shape[2:]), of_terms], 1
+        )
         moved = [torch.einsum("qa,nfad->nfqd", self.weighted, self._of_facets(each)) for each in u]
         moved_by = self._pushing(pressures)[:, None, :, None, None] * torch.stack(moved, 1)
         rows = []
@@ -113,7 +115,7 @@ class PressedFacets(nn.Module):
     def _of_facets(self, u: Tensor) -> Tensor:
         """Fields at the points of the facets: (N, n_points, d) → (N, n_facets, n, d)."""
         rows = u.index_select(1, self.facets.flatten())
-        return rows.reshape(len(u), *self.facets.shape, u.shape[2])
+        return rows.reshape(-1, *self.facets.shape, u.shape[2])
 
     def _pushing(self, pressures: Tensor) -> Tensor:
         """−p of every facet: (N, n_surfaces) → (N, n_facets)."""

@@ -119,6 +119,7 @@ class Weights:
 
     def __init__(self, solid: Solid) -> None:
         self.solid, self._replayed = solid, Replayed(self._advanced, most=GRAPHS)
+        assert solid.laws  # which exporters cannot trace
         self._moduli = solid.moduli_of_cells()[:, None, None]
         self._stiffness = float((self._moduli[:, 0] * solid.volumes.cpu()).sum())
 
@@ -158,10 +159,10 @@ class Weights:
         density = volumes * stresses.energy
         inside = (stresses.inside & torch.isfinite(density)).all(2).all(0)
         energy = torch.where(inside, density.sum((0, 2)) - (c * terms.works).sum(1), inf)
-        changes = [stresses.change(each) for each in h] if curved else []
+        changes = stresses.changes([h[k] for k in range(len(h))]) if curved else []
         rows = volumes * torch.stack([stresses.stress, *changes])
-        both = torch.einsum("lijcnq,kijcnq->nlk", rows, h)
-        gradient, hessian = both[:, 0] - terms.works, both[:, 1:].mT
+        both = torch.einsum("lijcnq,kijcnq->nkl", rows, h)
+        gradient, hessian = both[..., 0] - terms.works, both[..., 1:]
         if terms.pressed is not None:
             p, one = terms.pressed, torch.ones_like(c[:, :1])
             moved = torch.cat([one, c], 1)
@@ -169,7 +170,7 @@ class Weights:
             gradient = gradient + p[:, 0, 0] - torch.einsum("nj,njm->nm", moved, of_state)
             by = of_state + torch.einsum("nj,nijm->nim", moved, p)
             hessian = hessian - by[:, 1:].mT if curved else hessian
-        return energy, gradient, hessian
+        return energy, gradient, hessian.contiguous()  # as loops in files ask for
 
     def _in_file(self, terms: Terms) -> Tensor:
         def advance(*search: Tensor) -> tuple[Tensor, ...]:

@@ -151,9 +151,7 @@ def found_in(listed: tuple[Fields, ...], field: Field) -> str | None:
 
 BETWEEN = ("quadratic", "incompressible")
 REASONS: tuple[Fields, ...] = ()
-OPEN: tuple[Fields, ...] = (
-    Fields("the series of linear elements of one Neo-Hookean material, else K⁻¹f", ("export",)),
-)
+OPEN: tuple[Fields, ...] = ()
 
 
 def table() -> str:

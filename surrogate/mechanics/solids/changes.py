@@ -81,25 +81,48 @@ class Stresses:
 
     def change(self, h: Values) -> Values:
         """δP in Pa along H: (d, d, n_cells, …) → same."""
+        return self.changes([h])[0]
+
+    def changes(self, directions: Sequence[Values]) -> list[Values]:
+        """δP of several H, with one projection of all of them."""
         elements, parts = self._elements, self._parts
-        of = [part.of(h) for part in parts]
-        if not elements.projects:
-            changes = [part.changes(x) for part, x in zip(parts, of, strict=True)]
-        else:
-            volumes = [part.along(VOLUME, x) for part, x in zip(parts, of, strict=True)]
-            dilation = elements.projected(elements.joined(volumes))
-            changes = [
-                part.changes(x, part.of(dilation)) for part, x in zip(parts, of, strict=True)
+        of = [[part.of(h) for part in parts] for h in directions]
+        dilations: list[Any] = [None] * len(of)
+        if elements.projects:
+            volumes = [
+                [part.along(VOLUME, x) for part, x in zip(parts, some, strict=True)] for some in of
             ]
+            dilations = self._projected(volumes)
+        changes = [
+            [
+                part.changes(x, None if dilation is None else part.of(dilation))
+                for part, x in zip(parts, some, strict=True)
+            ]
+            for some, dilation in zip(of, dilations, strict=True)
+        ]
+        if elements.projects:
             slopes = [
-                part.of_points(some[DILATION]) for part, some in zip(parts, changes, strict=True)
+                [part.of_points(x[DILATION]) for part, x in zip(parts, some, strict=True)]
+                for some in changes
             ]
-            pressure = elements.projected(elements.joined(slopes))
-            for part, some in zip(parts, changes, strict=True):
-                some[VOLUME] = some.get(VOLUME, 0.0) + part.of(pressure)
-        return elements.joined(
-            [part.stress(x, some) for part, x, some in zip(parts, of, changes, strict=True)]
-        )
+            for some, pressure in zip(changes, self._projected(slopes), strict=True):
+                for part, x in zip(parts, some, strict=True):
+                    x[VOLUME] = x.get(VOLUME, 0.0) + part.of(pressure)
+        return [
+            elements.joined(
+                [part.stress(h, x) for part, h, x in zip(parts, some, others, strict=True)]
+            )
+            for some, others in zip(of, changes, strict=True)
+        ]
+
+    def _projected(self, values: Sequence[Sequence[Values]]) -> list[Values]:
+        """Π of several fields at once, one after the other on the axis of states."""
+        fields = [self._elements.joined(some) for some in values]
+        if len(fields) == 1:
+            return [self._elements.projected(fields[0])]
+        together = self._elements.projected(library_of(fields[0]).concatenate(fields, axis=-2))
+        count = fields[0].shape[-2]
+        return [together[..., i * count : (i + 1) * count, :] for i in range(len(fields))]
 
 
 class _Part:

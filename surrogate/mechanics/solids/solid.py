@@ -176,7 +176,7 @@ class Solid(nn.Module):
         found: Self = _with_own_buffers(self)
         return found
 
-    @property
+    @cached_property
     def laws(self) -> list[Law]:
         """Law of every material."""
         d = self.gradients.shape[3]

@@ -8,8 +8,9 @@ displacement by solves with the mass matrix M of their functions :math:`N_a`, th
     M θ = \sum_q w_q N_a J_q, \qquad M p = \sum_q w_q N_a \frac{∂W}{∂θ}, \qquad
     M_{ab} = \sum_q w_q N_a N_b.
 
-M is solved with by its factor on a CPU. On other devices, in exported files and where gradients are
-needed, Chebyshev's iteration does it by products alone: with the diagonal D of M, the eigenvalues
+M⁻¹ of a small body is a matrix. M of a large one is solved with by its factor on a CPU. On other
+devices, in exported files and where gradients are needed, Chebyshev's iteration does it by products
+alone: with the diagonal D of M, the eigenvalues
 of :math:`D^{-1} M` lie between those of a cell, 1/2 and :math:`1 + d / 2` (A. J. Wathen, *Realistic
 eigenvalue bounds for the Galerkin mass matrix*, IMA Journal of Numerical Analysis 7, 1987), so that
 an error falls to 0.38 of it or less.
@@ -39,7 +40,8 @@ from surrogate.mechanics.matrices.cell_matrices import sum_of_cells
 from surrogate.mechanics.solids.deformation import determinant
 from surrogate.mechanics.solids.solid import Points, Solid
 
-ITERATIONS = 34  # 0.38³⁴ is a rounding error
+DENSE = 1000  # functions up to which M⁻¹ is a matrix
+ITERATIONS = 24  # 0.38²⁴ is 1e-10
 
 
 class TaylorHoodSolid(Solid):
@@ -50,15 +52,21 @@ class TaylorHoodSolid(Solid):
 
     projects = True
     diagonal: Tensor
+    inverse: Tensor
 
     def __init__(self, *given: Any, **others: Any) -> None:
         super().__init__(*given, **others)
-        corners, mass = self.corners.numpy(), self.mass_of_cells
-        diagonal = np.bincount(corners.ravel(), mass.diagonal(0, 1, 2).ravel())
-        self.register_buffer("diagonal", torch.from_numpy(diagonal)[:, None], persistent=False)
+        corners = self.corners.numpy()
+        mass = sum_of_cells(self.mass_of_cells.numpy(), corners, corners.max() + 1)
+        diagonal = torch.from_numpy(mass.diagonal())[:, None]
+        self.register_buffer("diagonal", diagonal, persistent=False)
         shape, places = (len(diagonal), corners.size), np.arange(corners.size)
         incidence = csr_array((np.ones(corners.size), (corners.ravel(), places)), shape)
         self.sums_of_functions = SparseProduct(incidence, self.volumes.dtype)
+        small = len(diagonal) <= DENSE
+        inverse = torch.from_numpy(np.linalg.inv(mass.toarray())) if small else torch.empty(0)
+        self.register_buffer("inverse", inverse, persistent=False)
+        self.mass, self._matrix = SparseProduct(mass, self.volumes.dtype), csc_array(mass)
 
     def _functions(
         self, cells: NDArray[np.int64], cell_type: str
@@ -75,39 +83,36 @@ class TaylorHoodSolid(Solid):
 
     @cached_property
     def _mass(self) -> SuperLU:
-        corners = self.corners.numpy()
-        total = sum_of_cells(self.mass_of_cells.numpy(), corners, corners.max() + 1)
-        return splu(csc_array(total))
+        return splu(self._matrix)
 
     def projected(self, values: Tensor) -> Tensor:
         """The continuous linear function next to values: (n_cells, N, n_points) → same."""
-        sums = self._summed((self.volumes[:, None] * values) @ self.shapes)
+        of_cells = (self.volumes[:, None] * values) @ self.shapes
+        sums: Tensor = self.sums_of_functions(of_cells.transpose(1, 2).flatten(0, 1))
+        if len(self.inverse):
+            return self._at_points(self.inverse @ sums)
         by_factor = values.device.type == "cpu" and not torch.compiler.is_compiling()
         if by_factor and not (torch.is_grad_enabled() and values.requires_grad):
             at_nodes = torch.from_numpy(self.solved_mass(sums.detach().numpy()))
         else:
             at_nodes = self._iterated(sums)
-        return self._at_corners(at_nodes) @ self.shapes.T
+        return self._at_points(at_nodes)
 
-    def _summed(self, of_cells: Tensor) -> Tensor:
-        """Sums of what is at the corners: (n_cells, N, n_functions) → (n_nodes, N)."""
-        sums: Tensor = self.sums_of_functions(of_cells.transpose(1, 2).flatten(0, 1))
-        return sums
-
-    def _at_corners(self, at_nodes: Tensor) -> Tensor:
-        """Values at the corners: (n_nodes, N) → (n_cells, N, n_functions)."""
+    def _at_points(self, at_nodes: Tensor) -> Tensor:
+        """Values at the points by those of the nodes: (n_nodes, N) → (n_cells, N, n_points)."""
         rows = at_nodes.index_select(0, self.corners.flatten())
-        return rows.reshape(*self.corners.shape, -1).transpose(1, 2)
+        at_corners = rows.reshape(*self.corners.shape, -1).transpose(1, 2)
+        return torch.nn.functional.linear(at_corners, self.shapes)
 
     def _iterated(self, right: Tensor) -> Tensor:
         """M⁻¹ by Chebyshev's iteration (Saad 2003, Algorithm 12.1): (n_nodes, N) → same."""
-        mass, largest = self.mass_of_cells, 1 + self.gradients.shape[3] / 2
+        largest = 1 + self.gradients.shape[3] / 2
         middle, half = (largest + 0.5) / 2, (largest - 0.5) / 2
         ratio = half / middle
         step = right / self.diagonal / middle
         found = step
         for _ in range(ITERATIONS):
-            rest = right - self._summed(self._at_corners(found) @ mass)
+            rest = right - self.mass(found)
             after = 1 / (2 * middle / half - ratio)
             step = after * ratio * step + 2 * after / half * rest / self.diagonal
             found, ratio = found + step, after

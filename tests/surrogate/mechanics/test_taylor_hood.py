@@ -180,3 +180,21 @@ def test_two_materials_and_small_units() -> None:
         found.append(correct(body, loaded, np.zeros_like(force)).displacement / length)
     assert np.abs(found[0]).max() > 0.03
     np.testing.assert_allclose(found[1], found[0], rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("cell_type", ["triangle", "tetra"])
+def test_mass_matrix_by_products_alone(cell_type: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where there is no factor, Chebyshev's iteration solves as it does, with gradients."""
+    small = body_of(cell_type).solid
+    monkeypatch.setattr("surrogate.mechanics.solids.taylor_hood.DENSE", 0)
+    solid, draw = body_of(cell_type).solid, torch.Generator().manual_seed(0)
+    assert isinstance(solid, TaylorHoodSolid) and isinstance(small, TaylorHoodSolid)
+    shape = len(solid.cells), 3, solid.volumes.shape[1]
+    values = torch.randn(shape, generator=draw, dtype=torch.float64, requires_grad=True)
+    found, expected = solid.projected(values), solid.projected(values.detach())
+    torch.testing.assert_close(found.detach(), expected, rtol=0, atol=1e-9)
+    torch.testing.assert_close(small.projected(values.detach()), expected, rtol=0, atol=1e-12)
+    weights = solid.volumes[:, None] * values.detach()
+    (gradient,) = torch.autograd.grad((weights * found).sum(), values)  # Π is symmetric
+    expected = solid.volumes[:, None] * expected
+    torch.testing.assert_close(gradient, expected, rtol=0, atol=1e-9)
