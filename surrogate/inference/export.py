@@ -252,8 +252,8 @@ def fixed_directions(surrogate: Surrogate, count: int) -> FixedDirections:
     equilibrium, response = surrogate.equilibrium, surrogate.network.linear
     require_exportable(equilibrium, count)
     if not isinstance(response, SeriesResponse):  # in double precision
-        (material,) = equilibrium.solid.materials
-        response = LinearResponse(equilibrium.geometry, material, False, torch.float64)
+        materials = equilibrium.solid.materials
+        response = LinearResponse(equilibrium.geometry, materials, False, torch.float64)
     return FixedDirections(equilibrium, response, count)
 
 

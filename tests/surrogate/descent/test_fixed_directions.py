@@ -41,7 +41,15 @@ def in_turn(
 
 
 @pytest.mark.parametrize(
-    "kind", ["quad", "triangle, rollers", "hexahedron", "tetra, rollers", "triangle, zones"]
+    "kind",
+    [
+        "quad",
+        "triangle, rollers",
+        "hexahedron",
+        "tetra, rollers",
+        "triangle, zones",
+        "quad, two materials",
+    ],
 )
 def test_the_same_directions(kind: str) -> None:
     """A load as it is, twice it, and none; from the linear response, and half of it from rest.
@@ -86,8 +94,11 @@ def test_no_step_inverts_cells() -> None:
 def test_refused_bodies() -> None:
     for kind, count, message in [
         ("quad", 0, "--directions 0: expected 1 to 100"),
-        ("quad, two materials", 2, "--directions 2: expected a body of one Neo-Hookean"),
-        ("quad, points between", 2, "alone, and linear elements, under dead"),
+        (
+            "quad, points between",
+            2,
+            "--directions 2: expected a body of linear elements, under dead",
+        ),
         ("quad, mean dilation", 2, "linear elements"),
     ]:
         body = body_of(kind)
