@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
+from shared_schema.common.errors import InputError
 from surrogate.descent.aim import Aim, UnreachedToleranceWarning
 from surrogate.inference.body import Body, Remade
 from surrogate.inference.given_load import separated, without_pressure
