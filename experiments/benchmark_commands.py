@@ -38,7 +38,6 @@ PROGRAMS = {  # in whose environment a benchmark is measured
     "prediction": "surrogate",
     "refined-liver": "surrogate",
     "scaling": "datagen",
-    "tangents": "surrogate",
     "tools": "surrogate",
     "trained": "surrogate",
     "training": "surrogate",

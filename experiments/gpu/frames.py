@@ -19,7 +19,7 @@ from experiments.framework.timing import timed
 from experiments.gpu.setting import GpuSetting, Results
 from surrogate import load
 from surrogate.inference import drawn_loads
-from surrogate.mechanics import BlockSolve
+from surrogate.mechanics import BlockSolve, Compliance
 
 REFERENCE, PACKED = "reference.npz", ".tar.xz"
 SIZES = (0.5, 0.7, 0.9, 1.0)  # of the load, in turn
@@ -76,8 +76,9 @@ def of_run(setting: GpuSetting, folder: Path) -> Results:
     for name, one, other in (("", predicted, expected), ("estimate_", found, error)):
         largest = np.abs(one - other).max() / np.abs(other).max()
         result[f"{name}relative_difference"] = float(largest)
-    if model.body.blocks is not None:
-        result |= of_solver(setting, model.body.blocks)
+    for module in model.network.modules():
+        if isinstance(module, Compliance) and (blocks := module.blocks_on(setting.device)):
+            result |= of_solver(setting, blocks)
     calibrated = model.run.fast_certificate.is_file()
     number = iter(range(10**9))
 

@@ -3,7 +3,7 @@
 ==================  ===========================================================================
 `certificate`       the full certificate: the error by Newton steps from the prediction
 `fast_certificate`  the fast one: a bound that holds with some probability, in real time
-`fast_estimate`     the estimate that the fast certificate calibrates: conjugate gradients
+`fast_estimate`     the estimate that the fast certificate calibrates: steps of Lanczos
 `calibrated_range`  loads and states that this calibration holds for
 `conformal`         intervals of every component that hold with some probability
 `correction`        Newton's method from the prediction to the equilibrium

@@ -6,10 +6,9 @@ with the largest :math:`α = 2^{-m}` and c = 1e-4 (Armijo's rule). Where the dif
 in rounding errors, its slope decides (Hager and Zhang 2005, Eq. 4.1):
 :math:`r(u_k + α δ) · δ \le (2 c - 1) \, r(u_k) · δ`. Π is infinite where a cell is inverted, so no
 step inverts one, and Π decreases along every δ (`surrogate.mechanics.out_of_balance`); so every
-start leads to an equilibrium. A good prediction saves iterations. A bad one could cost many,
-or lead to another equilibrium; therefore the start is the state of lowest Π among the prediction
-(smoothed where it inverts a few cells, `surrogate.certify.smoothed_prediction`), the linear
-response :math:`K(0)^{-1} f` (halved until no cell is inverted) and the undeformed body.
+start leads to an equilibrium. A good prediction saves iterations. A bad one could cost many, or
+lead to another equilibrium; therefore the start is the state of lowest Π among the prediction, the
+linear response :math:`K(0)^{-1} f` (halved until no cell is inverted) and the undeformed body.
 
 A start may lead to an unstable equilibrium, as a straight column does under a force above that of
 Euler. Where K is not positive definite, the iteration goes on from a state beside it, along its
@@ -42,7 +41,6 @@ from shared_schema.common.bodies.force_tolerance import LOOSEST, ForceTolerance
 from shared_schema.common.errors import WorkError
 from shared_schema.common.keys.units import SI, Units
 from shared_schema.common.progress import LoadProgress
-from surrogate.certify.smoothed_prediction import smoothed
 from surrogate.mechanics.out_of_balance import FIRST_SHIFT, Equilibrium
 
 Array = NDArray[np.float64]
@@ -64,8 +62,8 @@ class Correction:
     displacement : array, (n_nodes, d)
         In m.
     start : str
-        Start with the lowest energy: "prediction", "smoothed prediction", "linear response" or
-        "undeformed body"; or "undeformed body by load steps".
+        Start with the lowest energy: "prediction", "linear response" or "undeformed body"; or
+        "undeformed body by load steps".
     iterations : int
         Number of Newton iterations.
     residual_norm : float
@@ -312,9 +310,6 @@ def safest_start(equilibrium: Equilibrium, f: Array, predicted: Array) -> tuple[
         "linear response": linear,
         "undeformed body": np.zeros_like(f),
     }
-    if equilibrium.inverted(starts["prediction"]).any():
-        without = smoothed(equilibrium, f, starts["prediction"])
-        starts |= {} if without is None else {"smoothed prediction": without}
     potentials = {
         name: float(equilibrium.potential(u, f)[0])
         for name, u in starts.items()

@@ -50,7 +50,7 @@ from surrogate.mechanics.follower_pressure import FollowerPressure
 from surrogate.runs.tensor_file import load_tensors, serialised
 
 ESTIMATE = {"estimate": "conjugate gradients"}  # ratios belong to it
-LEAST = 1.5  # least q
+LEAST = 2.0  # least q
 LEVELS = (0.9, 0.95)  # whose coverage is measured
 MEASURES = ("mean", "largest")
 COMPONENT = "component"  # of networks that predict standard deviations

@@ -41,7 +41,7 @@ from surrogate.mechanics.compiled.fields import Array as Values
 from surrogate.mechanics.compiled.fields import compiled
 from surrogate.mechanics.compiled.loops import add_forces_of, slopes_at
 from surrogate.mechanics.compliance import in_single_precision
-from surrogate.mechanics.matrices.stiffness_layout import stiffness_layout
+from surrogate.mechanics.matrices.layout import Layout
 from surrogate.mechanics.out_of_balance import Equilibrium
 
 Array = NDArray[np.float64]
@@ -79,7 +79,7 @@ class CarriedCompliance:
         mesh, self._laplacians = (equilibrium.geometry.coordinates, equilibrium.geometry.cells), []
         alike, number = np.unique(equilibrium.free, axis=1, return_inverse=True)
         for kind, free in enumerate(alike.T):
-            scalar = stiffness_layout(*mesh, ~free[:, None])
+            scalar = Layout.of(*mesh, ~free[:, None])
             found = scalar.factor(scalar.assembled(torch.from_numpy(metric[None]))[0])
             assert found is not None  # a component that is free everywhere makes K(0) singular
             components = np.flatnonzero(number.ravel() == kind)

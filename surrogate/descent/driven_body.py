@@ -16,7 +16,6 @@ from surrogate.descent.carried_compliance import CarriedCompliance
 from surrogate.descent.soft_modes import Softening, least_eigenvalue, soft_modes
 from surrogate.mechanics.compiled.solid import CompiledSolid
 from surrogate.mechanics.follower_pressure import FollowerPressure
-from surrogate.mechanics.matrices.tangent_iterations import iterates
 from surrogate.mechanics.newton_steps import NewtonSteps
 from surrogate.mechanics.out_of_balance import Equilibrium
 
@@ -53,7 +52,7 @@ class DrivenBody:
     Attributes
     ----------
     equilibrium : Equilibrium
-        Also under the pressures of a load. With `compliance` it `iterates`, if factors take longer.
+        Also under the pressures of a load.
     compliance : CarriedCompliance
     modes : array, (n_modes, n_points, d)
         The softest ones, of unit φ · K(0) φ.
@@ -71,8 +70,6 @@ class DrivenBody:
         compliance = CarriedCompliance(equilibrium)
         modes = soft_modes(equilibrium, compliance.linear_response)
         softening = Softening(equilibrium.solid.compiled, modes)
-        if iterates(equilibrium.layout):
-            equilibrium = equilibrium.iterating(compliance.at)
         return cls(equilibrium, compliance, modes, softening)
 
     @property
@@ -119,12 +116,19 @@ class DrivenBody:
         stiffness = np.zeros((len(self.modes),) * 2)
         carried = self.compliance.turned(state.u, self.modes)
         for row, s in zip(stiffness, carried, strict=True):
-            part = SMALL * self.equilibrium.cell_size / longest(s)
-            beside = self.state(state.u + part * s, force)
-            if beside is None:
+            if (tangent := self.product(state, force, s)) is None:
                 return -np.inf
-            row[:] = [np.vdot(each, beside.r - state.r) / part for each in carried]
+            row[:] = [np.vdot(each, tangent) for each in carried]
         return least_eigenvalue((stiffness + stiffness.T) / 2)
+
+    def product(self, state: State, force: Array, x: Array) -> Array | None:
+        """K(u) x in N of a change x in m by a difference of r; None where that inverts a cell.
+
+        All are (n_points, d).
+        """
+        part = SMALL * self.equilibrium.cell_size / longest(x)
+        beside = self.state(state.u + part * x, force)
+        return None if beside is None else (beside.r - state.r) / part
 
     def softened(self, state: State) -> float:
         """θ of a state by its stresses alone; −∞ where a cell is inverted in the mean."""

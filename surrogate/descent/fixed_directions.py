@@ -21,7 +21,7 @@ from surrogate.descent.descent import MOST
 from surrogate.descent.directions import CURVED, GROWN, LEAST, PAIRS, TURNED
 from surrogate.mechanics.compliance import DENSE
 from surrogate.mechanics.linear_response import LinearResponse
-from surrogate.mechanics.matrices.band_matrix import BandLayout
+from surrogate.mechanics.matrices.layout import Layout
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.solids.changes import Stresses
 from surrogate.mechanics.solids.deformation import determinant, product
@@ -177,7 +177,7 @@ def inverse_laplacians(equilibrium: Equilibrium) -> np.ndarray:
     metric = torch.einsum("cq,cqaj,cqbj->cab", weights, gradients, gradients)
     alike, found = np.unique(equilibrium.free, axis=1), []
     for free in (equilibrium.free if alike.shape[1] > 1 else alike).T:
-        layout = BandLayout(geometry.coordinates, geometry.cells, ~free[:, None])
+        layout = Layout.of(geometry.coordinates, geometry.cells, ~free[:, None])
         factor = layout.factor(layout.assembled(metric[None])[0])
         assert factor is not None  # a component that is free everywhere makes K(0) singular
         inverse = np.zeros((len(free), len(free)))

@@ -21,7 +21,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surrogate.descent.driven_body import SOFT, DrivenBody, State, longest
-from surrogate.mechanics.matrices.band_matrix import BandLayout
 
 Array = NDArray[np.float64]
 MARGIN = 0.4  # of the tolerance: largest estimate that counts as small
@@ -48,8 +47,8 @@ class Trust:
         self._lengths: list[float] = []
         self._looked_at: State | None = None
         self._stiffness = 1.0
-        layout = body.equilibrium.layout
-        self._is_narrow = isinstance(layout, BandLayout) and layout.width <= NARROW
+        width = body.equilibrium.layout.width
+        self._is_narrow = width is not None and width <= NARROW
 
     def are_short(self, state: State, estimate: float, allowed: float, count: int) -> bool:
         """Whether the directions are short enough.

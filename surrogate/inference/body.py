@@ -26,10 +26,8 @@ from surrogate.data.elements_of_case import (
 )
 from surrogate.data.geometry import Geometry
 from surrogate.inference.given_load import checked_loads, fields_at_nodes, without_pressure
-from surrogate.mechanics.block_solve import BlockSolve
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.follower_pressure import FollowerPressure
-from surrogate.mechanics.matrices.tangent_iterations import iterates
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.quadratic import QuadraticEquilibrium
 from surrogate.networks.field_network import FieldNetwork
@@ -117,16 +115,6 @@ class Body(Remade):
         found.units = self.units
         return found
 
-    @cached_property
-    def blocks(self) -> BlockSolve | None:
-        """What solves with the stiffness of the body at rest on a GPU; None if that does not."""
-        if self._device.type == "cpu":
-            return None
-        for compliance in self._shared:
-            if compliance.equilibrium is self.equilibrium:
-                return compliance.blocks_on(self._device)
-        return Compliance(self.geometry, self.material).blocks_on(self._device)
-
     def balanced(self) -> Equilibrium:
         """Equilibrium under dead loads, which has no points between the nodes.
 
@@ -147,13 +135,7 @@ class Body(Remade):
 
     def under(self, pressure: FollowerPressure | None) -> Equilibrium:
         """Equilibrium under dead loads, and under the pressures of one load case if there are."""
-        return self._iterating if pressure is None else self._iterating.under(pressure)
-
-    @property
-    def _iterating(self) -> Equilibrium:
-        """`equilibrium`; it iterates with tangents where that is quicker."""
-        quicker = iterates(self.equilibrium.layout)
-        return self.driven_body.equilibrium if quicker else self.equilibrium
+        return self.equilibrium if pressure is None else self.equilibrium.under(pressure)
 
     @cached_property
     def driven_body(self) -> DrivenBody:
@@ -219,8 +201,8 @@ class Body(Remade):
         from surrogate.certify.full_certificate import certify, certify_each
 
         if pressure is None:
-            return certify(self._iterating, dead, displacement)
-        return certify_each(self._iterating, pressure, dead, displacement)
+            return certify(self.equilibrium, dead, displacement)
+        return certify_each(self.equilibrium, pressure, dead, displacement)
 
     def correct(
         self, dead: Array, pressure: FollowerPressure | None, displacement: Array

@@ -36,7 +36,7 @@ from surrogate.inference.surrogate import Surrogate
 from surrogate.mechanics.block_solve import BlockSolve
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.linear_response import LinearResponse
-from surrogate.mechanics.matrices.band_matrix import BandCholesky
+from surrogate.mechanics.matrices.factors import BandCholesky
 from surrogate.networks.nodal_network import NodalNetwork
 from surrogate.networks.reduced_network import ReducedNetwork
 from surrogate.probabilistic.likelihoods import Prediction

@@ -629,9 +629,7 @@ class Surrogate(Remade):
         """Estimate of errors without a factorisation."""
         from surrogate.certify.fast_estimate import FastEstimate
 
-        geometry = self.geometry
-        alone = geometry.pressed is None and not geometry.has_points_between
-        return FastEstimate(self.equilibrium, self.body.blocks if alone else None)
+        return FastEstimate(self.driven_body)
 
     @cached_property
     def fast_certificate(self) -> FastCertificate:

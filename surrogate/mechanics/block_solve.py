@@ -23,7 +23,7 @@ from scipy.sparse import csr_array
 from torch import Tensor, nn
 
 from surrogate.cuda_graphs import Replayed
-from surrogate.mechanics.matrices.band_matrix import band_order
+from surrogate.mechanics.matrices.orders import band_order
 from surrogate.mechanics.weighted_sums import padded_rows
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ body is so slender that this has an effect.
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 import torch
@@ -25,12 +25,11 @@ from shared_schema.materials import Materials
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.block_solve import BlockSolve
 from surrogate.mechanics.kept_responses import KeptResponses
-from surrogate.mechanics.matrices.band_matrix import BandCholesky, band_order
-from surrogate.mechanics.matrices.cell_matrices import sum_of_cells
-from surrogate.mechanics.matrices.saddle_point import SaddlePointLayout
-from surrogate.mechanics.matrices.sparse_matrix import SparseFactor
+from surrogate.mechanics.matrices.factors import SymmetricFactor
+from surrogate.mechanics.matrices.orders import band_order
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.quadratic import QuadraticEquilibrium
+from surrogate.mechanics.solids.taylor_hood import TaylorHoodSolid
 
 DENSE = 4000  # degrees of freedom; K⁻¹ takes 64 MB
 BY_MATRIX = 1000  # degrees of freedom up to which a CPU responds by K⁻¹
@@ -38,9 +37,6 @@ CLOSE = 1e-5  # relative error that a factor in single precision may have
 LEAST_BLOCK = 1024  # rows of a block on a GPU: products of smaller ones are launches
 ROOM = 0.7  # of the memory of a GPU that is free: most that the blocks may take
 FEW = 16  # samples whose loads are answered by columns that are not there yet
-
-
-StoredFactor: TypeAlias = BandCholesky | SparseFactor
 
 
 class Compliance(nn.Module):
@@ -117,7 +113,7 @@ class Compliance(nn.Module):
         return found.to(force.dtype)
 
     @cached_property
-    def factor(self) -> StoredFactor | None:
+    def factor(self) -> SymmetricFactor | None:
         """Factor of K, made at its first use; None of a small body."""
         return None if len(self.matrix) else self.equilibrium.undeformed
 
@@ -134,16 +130,17 @@ class Compliance(nn.Module):
         return len(self.matrix) > 0 or self.blocks_on(device) is not None
 
     @cached_property
-    def quick(self) -> StoredFactor:
+    def quick(self) -> SymmetricFactor:
         """Factor of K for forces in single precision."""
         return in_single_precision(self.equilibrium.undeformed, len(self.order))
 
     def stiffness(self, dofs: NDArray[np.int64]) -> csr_array:
         """K in N/m, (n_dofs, n_dofs), in some order of its degrees of freedom."""
-        geometry = self.equilibrium.geometry
-        nothing = torch.zeros(1, *geometry.coordinates.shape, dtype=torch.float64)
-        tangents = self.equilibrium.solid.cell_tangents(nothing)[0].numpy()
-        return assembled(tangents, geometry, dofs)
+        equilibrium, layout = self.equilibrium, self.equilibrium.layout
+        rows = np.zeros(equilibrium.free.size, np.int64)
+        rows[layout.dofs] = np.arange(len(layout.dofs))
+        tangent = layout.assembled(equilibrium.solid.stiffness_at_rest())[0]
+        return csr_array(layout.matrix(tangent)[rows[dofs]][:, rows[dofs]])
 
     def by_component(self, dofs: NDArray[np.int64]) -> NDArray[np.int64]:
         """Numbers here of degrees of freedom that are not held, node · d + component."""
@@ -210,7 +207,7 @@ class Compliance(nn.Module):
 def block_solve(compliance: Compliance, device: torch.device) -> BlockSolve | None:
     """What solves with K(0) on a device; None if it has no room, or K is not formed."""
     equilibrium = compliance.equilibrium
-    if isinstance(equilibrium.layout, SaddlePointLayout):
+    if isinstance(equilibrium.solid, TaylorHoodSolid):
         return None
     geometry = equilibrium.geometry
     dofs, width = band_order(geometry.coordinates, geometry.cells, geometry.held)
@@ -221,30 +218,13 @@ def block_solve(compliance: Compliance, device: torch.device) -> BlockSolve | No
     return BlockSolve(compliance, device, CLOSE, LEAST_BLOCK)
 
 
-def in_single_precision(factor: StoredFactor, size: int) -> StoredFactor:
+def in_single_precision(factor: SymmetricFactor, size: int) -> SymmetricFactor:
     """The factor in single precision, or itself if a random load tells the difference."""
     force = np.random.default_rng(0).normal(size=size)
     expected = factor.solve(force)
     difference = factor.single.solve(force.astype(np.float32)) - expected
     is_close = np.linalg.norm(difference) <= CLOSE * np.linalg.norm(expected)
     return factor.single if is_close else factor
-
-
-def assembled(
-    tangents: NDArray[np.float64], geometry: Geometry, dofs: NDArray[np.int64]
-) -> csr_array:
-    """Assemble the matrices of the cells, (n_cells, m, m), at some degrees of freedom.
-
-    Parameters
-    ----------
-    tangents : array, (n_cells, m, m)
-    geometry : Geometry
-    dofs : array of int, (n,)
-        Rows and columns, node · d + component, in the order of the result.
-    """
-    d, size = geometry.dimension, tangents.shape[1]
-    cells = (geometry.cells[:, :, None] * d + np.arange(d)).reshape(-1, size)
-    return sum_of_cells(tangents, cells, geometry.coordinates.size)[dofs][:, dofs]
 
 
 class _Response(torch.autograd.Function):

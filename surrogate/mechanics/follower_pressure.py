@@ -11,12 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 from shared_schema.common.bodies.command_loads import CommandLoads
 from shared_schema.common.bodies.facet_quadrature import facet_derivatives, pressure_forces
 from shared_schema.common.bodies.quadratic.points_between import PointsBetween
-from surrogate.mechanics.matrices.cell_matrices import sum_of_cells
 
 Array = NDArray[np.float64]
 
@@ -109,20 +107,6 @@ class FollowerPressure:
         """
         for case, surface, pressure in self._acting():
             yield case, surface, -facet_derivatives(self.coordinates + u[case], surface, pressure)
-
-    def symmetric_tangents(self, u: Array) -> list[csr_array]:
-        """Symmetric part of what the forces add to the tangent, −∂f/∂u, of every load case.
-
-        Rows and columns are numbered node · d + component: (N, n_nodes, d) in m → N matrices,
-        (n_nodes d, n_nodes d) in N/m.
-        """
-        d, size = u.shape[2], u[0].size
-        found = [csr_array((size, size)) for _ in u]
-        for case, facets, blocks in self.tangents(u):
-            numbers = (d * facets[:, :, None] + np.arange(d)).reshape(len(facets), -1)
-            symmetric = (blocks + blocks.transpose(0, 2, 1)) / 2
-            found[case] = found[case] + sum_of_cells(symmetric, numbers, size)
-        return found
 
     def _acting(self) -> Iterator[tuple[int, NDArray[np.int64], float]]:
         for case, pressures in enumerate(self.pressures):

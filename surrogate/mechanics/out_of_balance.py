@@ -23,7 +23,7 @@ from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import cached_property, partial
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 import torch
@@ -36,11 +36,9 @@ from shared_schema.common.keys.units import SI
 from shared_schema.materials import Materials, as_tuple
 from surrogate.data.geometry import Geometry
 from surrogate.mechanics.follower_pressure import FollowerPressure
-from surrogate.mechanics.matrices.band_matrix import BandCholesky, BandLU
-from surrogate.mechanics.matrices.saddle_point import SaddlePointLayout
-from surrogate.mechanics.matrices.sparse_matrix import SparseFactor
-from surrogate.mechanics.matrices.stiffness_layout import Layout, stiffness_layout
-from surrogate.mechanics.matrices.tangent_iterations import Iterations
+from surrogate.mechanics.matrices.factors import Factor, SymmetricFactor
+from surrogate.mechanics.matrices.layout import Layout
+from surrogate.mechanics.matrices.saddle_point import saddle_point_layout
 from surrogate.mechanics.newton_steps import NewtonSteps, norms
 from surrogate.mechanics.solids.mean_dilation import MeanDilationSolid
 from surrogate.mechanics.solids.solid import Solid
@@ -49,7 +47,6 @@ from surrogate.mechanics.tool_springs import ToolSprings
 from surrogate.time_limit import require_time
 
 Array = NDArray[np.float64]
-Factor: TypeAlias = BandCholesky | BandLU | SparseFactor | Iterations
 FIRST_SHIFT, SHIFT_GROWTH = 0.1, 4.0  # of τ
 LEAST_SHIFT, INVERSE_ITERATIONS = 1e-8, 30  # of c, and for a mode
 EPSILON = float(np.finfo(np.float64).eps)
@@ -77,7 +74,7 @@ class Equilibrium:
     solid : Solid
     mean_dilation : bool
         Whether the volumes of its cells change as a whole.
-    layout : BandLayout or SparseLayout
+    layout : Layout
         Order of the free degrees of freedom in K.
     free : array of bool, (n_nodes, d)
         Components that are not held.
@@ -89,15 +86,12 @@ class Equilibrium:
         Pressures of one load case, which act on all displacements (`under`).
     springs : ToolSprings or None
         Springs to a tool, which push all displacements (`against`).
-    carried : callable or None
-        Preconditioner of a displacement, by which tangents are solved with (`iterating`).
     units : Units
         Labels of what is computed here, for messages.
     """
 
     pressure: FollowerPressure | None = None
     springs: ToolSprings | None = None
-    carried: Callable[[Array], Callable[[Array], Array]] | None = None
 
     def __init__(self, geometry: Geometry, material: Materials) -> None:
         body = geometry.coordinates, geometry.cells, geometry.cell_type
@@ -109,14 +103,13 @@ class Equilibrium:
         self.units = SI
         self._size = geometry.coordinates.size
         self.cell_size = mean_edge(geometry.coordinates, geometry.cells)
-        self.layout: Layout
         if isinstance(self.solid, TaylorHoodSolid):
             corners = self.solid.corners.shape[1]
             units = self.cell_size, 2 * moduli  # λ + 2μ or more
-            self.layout = SaddlePointLayout(geometry.cells, geometry.held, corners, *units)
+            self.layout = saddle_point_layout(geometry.cells, geometry.held, corners, *units)
         else:
-            self.layout = stiffness_layout(geometry.coordinates, geometry.cells, geometry.held)
-        per_sample = len(self.layout.dofs) * (self.layout.width + 1)
+            self.layout = Layout.of(geometry.coordinates, geometry.cells, geometry.held)
+        per_sample = self.layout.entries
         per_sample += self.solid.cells.numel() * self.solid.cells.shape[1] * geometry.dimension**2
         self._at_once = max(1, AT_ONCE // per_sample)
 
@@ -130,19 +123,6 @@ class Equilibrium:
         """Return equilibria of the same body with springs to a tool."""
         body = self._same_body()
         body.springs = springs
-        return body
-
-    def iterating(self, carried: Callable[[Array], Callable[[Array], Array]]) -> Equilibrium:
-        """Return equilibria of the same body that solve with symmetric tangents by iterations.
-
-        Parameters
-        ----------
-        carried : callable
-            From a displacement, (n_nodes, d) in m, to P ≈ K⁻¹ from forces in N to displacements in
-            m, (n_nodes, d) each (`surrogate.descent.carried_compliance`).
-        """
-        body = self._same_body()
-        body.carried = carried
         return body
 
     def _same_body(self) -> Equilibrium:
@@ -223,9 +203,9 @@ class Equilibrium:
         finds it from the body's imperfection, and with it which of v and −v.
         """
         layout = self.layout
-        if self._factor(u, self._tangents(u)[0]) is not None:
+        (tangent,) = self._tangents(u)
+        if layout.factor(tangent) is not None:
             return None
-        (tangent,) = self._tangents(u)  # again, since factors overwrite it
         metric, shift, factor = layout.diagonal(self._at_rest), LEAST_SHIFT, None
         while factor is None:
             factor = layout.factor(layout.on_springs(tangent, shift * metric))
@@ -348,11 +328,9 @@ class Equilibrium:
         return response.reshape(f.shape)
 
     @cached_property
-    def undeformed(self) -> BandCholesky | SparseFactor:
+    def undeformed(self) -> SymmetricFactor:
         """The factor of K(0), in the order of `layout`; ValueError if K(0) is singular."""
-        nothing = torch.zeros(1, *self.free.shape, dtype=torch.float64)
-        tangents = self.solid.cell_tangents(nothing)  # once, which nothing is compiled for
-        factor = self.layout.factor(self.layout.assembled(tangents)[0])
+        factor = self.layout.factor(self._at_rest)
         if factor is None:
             raise ValueError("the stiffness of the body is singular; supports are missing")
         return factor
@@ -368,26 +346,11 @@ class Equilibrium:
         found: list[tuple[Factor, bool]] = []
         if self.pressure is not None:
             return [self._factor_under_pressure(u[row : row + 1]) for row in range(len(u))]
-        for row, tangent in enumerate(self._tangents(u)):
-            one = u[row : row + 1]
-            factor = self._factor(one, tangent)
-            found.append((factor or self._shifted(one, first_shift), factor is not None))
+        for tangent in self._tangents(u):
+            factor = self.layout.factor(tangent)
+            shifted = factor or self._shifted(tangent, first_shift)
+            found.append((shifted, factor is not None))
         return found
-
-    def _factor(self, u: Array, tangent: Any) -> Factor | None:
-        """What solves with K(u) of a single displacement; None unless it is positive definite."""
-        factorised = partial(self.layout.factor, tangent)
-        if self.carried is None or self.springs is not None:
-            return factorised()
-        dofs, carried = self.layout.dofs, self.carried(u[0])
-
-        def preconditioner(r: Array) -> Array:
-            force = np.zeros(self._size)
-            force[dofs] = r
-            return carried(force.reshape(self.free.shape)).ravel()[dofs]
-
-        found = Iterations(tangent.__matmul__, preconditioner, len(dofs), factorised)
-        return found if found.is_definite() else factorised()
 
     def _factor_under_pressure(self, u: Array) -> tuple[Factor, bool]:
         """Factorise K(u) of a single displacement, or K(0); say whether K(u) is stable."""
@@ -402,13 +365,10 @@ class Equilibrium:
 
     def _solved(self, factors: Sequence[Factor], r: Array) -> Array:
         """-K⁻¹ r of every sample, zero at clamped nodes; NaN where r is NaN."""
-        flat = r.reshape(len(r), self._size)
-        found = np.zeros_like(flat)
-        for row, factor in enumerate(factors):
-            found[row, self.layout.dofs] = -factor.solve(flat[row, self.layout.dofs])
-        return found.reshape(r.shape)
+        each = zip(factors, r, strict=True)
+        return -np.concatenate([self.solved_by(factor, one[None]) for factor, one in each])
 
-    def _tangents(self, u: Array) -> Any:
+    def _tangents(self, u: Array) -> list[Array]:
         """K(u) of every displacement, as `layout` assembles them."""
         tangents = self.layout.assembled(self.solid.compiled.cell_tangents(u))
         if self.springs is None:
@@ -417,13 +377,13 @@ class Equilibrium:
         return [self.layout.with_facets(k, *self.springs.tangent(each)) for k, each in pairs]
 
     @property
-    def _at_rest(self) -> Any:
+    def _at_rest(self) -> Array:
         """K(0)."""
         return self.layout.assembled(self.solid.stiffness_at_rest())[0]
 
-    def _shifted(self, u: Array, shift: float) -> Factor:
-        """Factorise K(u) + τ K(0) of a single displacement; K(0) if no τ is sufficient."""
-        (tangent,), undeformed = self._tangents(u), self._at_rest
+    def _shifted(self, tangent: Array, shift: float) -> Factor:
+        """Factorise K(u) + τ K(0); K(0) if no τ is sufficient."""
+        undeformed = self._at_rest
         while shift < 1 / EPSILON:
             factor = self.layout.factor(tangent + shift * undeformed)
             if factor is not None:

@@ -21,7 +21,7 @@ from shared_schema.common.bodies.quadratic.quadratic_cells import (
 )
 from shared_schema.common.bodies.reference_cells import quadrature, shape_gradients
 from surrogate.mechanics.energy.law import DILATION, Law
-from surrogate.mechanics.matrices.band_matrix import BandLayout
+from surrogate.mechanics.matrices.orders import band_order
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.mechanics.quadratic import QuadraticEquilibrium
 from surrogate.mechanics.solids.deformation import Deformation
@@ -152,13 +152,13 @@ def free_unknowns(equilibrium: Equilibrium) -> NDArray[np.int64]:
     solid, geometry = equilibrium.solid, equilibrium.geometry
     held = ~equilibrium.free
     if not isinstance(solid, TaylorHoodSolid):
-        return BandLayout(geometry.coordinates, geometry.cells, held).dofs
+        return band_order(geometry.coordinates, geometry.cells, held)[0]
     points, d = held.shape
     nodes = int(solid.corners.max()) + 1
     beside = np.repeat(np.arange(points)[:, None] >= nodes, 2, axis=1)
     width = d + 2
-    layout = BandLayout(geometry.coordinates, geometry.cells, np.hstack([held, beside]))
-    point, component = np.divmod(layout.dofs, width)
+    dofs, _ = band_order(geometry.coordinates, geometry.cells, np.hstack([held, beside]))
+    point, component = np.divmod(dofs, width)
     numbers = np.where(component < d, point * d + component, points * d + point)
     return np.asarray(numbers + np.where(component == d + 1, nodes, 0))
 

@@ -172,7 +172,7 @@ def tool(given: Given, lower: float = 0.0) -> Sphere:
 
 
 Call = Callable[[World, Given], Any]
-OF_BODIES = ["balanced", "blocks", "equilibrium", "is_small", "material", "units"]
+OF_BODIES = ["balanced", "equilibrium", "is_small", "material", "units"]
 OF_MODELS = ["equilibrium", "fast_certificate", "fast_estimate", "nodal_network", "passes"]
 OF_MODELS += ["bounds_of_components", "has_series", "is_probabilistic", "is_stochastic"]
 OF_MODELS += ["precision", "run"]
@@ -464,9 +464,6 @@ SHARED = {  # another name of what the caller owns, a part of the model, or a st
     "Dataset.at_nodes",
     "Dataset.train",
     "Dataset.training",
-    "FastEstimate.joined",
-    "FastEstimate.projected",
-    "FastEstimate.stresses",
     "Solution.estimated_error",
     "Solution.lower",
     "Solution.std_aleatoric",

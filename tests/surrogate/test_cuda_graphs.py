@@ -45,7 +45,7 @@ def test_replayed_function() -> None:
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device")
 @pytest.mark.parametrize("name", ["beam2d_any", "beam3d_any", "beam3d_any_reduced"])
 def test_networks_of_the_package(name: str) -> None:
-    """Predictions, estimates and their derivatives; few loads and many."""
+    """Predictions and their derivatives; few loads and many."""
     on_gpu, on_cpu = load(name, "cuda"), load(name)
     forces = drawn_loads(on_cpu, 20, np.random.default_rng(0))
     if isinstance(on_cpu.network.linear, SeriesResponse):
@@ -56,10 +56,6 @@ def test_networks_of_the_package(name: str) -> None:
     for some in (slice(0, 1), slice(3, 5), slice(0, 20)):
         found = on_gpu.predict(forces[some])
         assert np.median(np.abs(found - expected[some]) / size[some]) < close
-        one = on_gpu.fast_estimate.with_stability(forces[some], expected[some])
-        other = on_cpu.fast_estimate.with_stability(forces[some], expected[some])
-        np.testing.assert_allclose(one[2], other[2], rtol=1e-3)
-        assert np.abs(one[0] - other[0]).max() < 1e-2 * np.abs(other[0]).max() + 1e-6 * size.max()
     if name == "beam3d_any_reduced":
         gradients = []
         for model in (on_gpu, on_cpu):

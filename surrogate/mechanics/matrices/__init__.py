@@ -1,1 +1,1 @@
-"""Matrices of a body: tangents as bands or sparse, their factors, and solutions by iterations."""
+"""Matrices of a body: tangents as bands or sparse, and their factors."""

@@ -18,16 +18,20 @@ by the error of a solution. θ and p have lengths as units, as in `datagen.solve
 from __future__ import annotations
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from scipy.sparse import csc_array
-from torch import Tensor
 
-from surrogate.mechanics.matrices.sparse_matrix import SparseLayout, of_least_degree
+from surrogate.mechanics.matrices.layout import Layout
+from surrogate.mechanics.matrices.orders import of_least_degree
 
 
-class SaddlePointLayout(SparseLayout):
-    """Places of the unknowns of a body in its sparse tangents.
+def saddle_point_layout(
+    cells: NDArray[np.int64],
+    held: NDArray[np.bool_],
+    corners: int,
+    cell_size: float,
+    modulus: float,
+) -> Layout:
+    """Lay out the unknowns of a body in its sparse tangents.
 
     Parameters
     ----------
@@ -40,32 +44,24 @@ class SaddlePointLayout(SparseLayout):
     cell_size, modulus : float
         Units: θ = 1 + t / h, p = q · modulus / h with t and q in m; in m and Pa.
     """
-
-    def __init__(
-        self,
-        cells: NDArray[np.int64],
-        held: NDArray[np.bool_],
-        corners: int,
-        cell_size: float,
-        modulus: float,
-    ) -> None:
-        points, d = held.shape
-        nodes = int(cells[:, :corners].max()) + 1
-        of_nodes = points * d + cells[:, :corners]
-        displacements = (cells[:, :, None] * d + np.arange(d)).reshape(len(cells), -1)
-        numbers = np.concatenate([displacements, of_nodes, of_nodes + nodes], axis=1)
-        units = np.ones(numbers.shape[1])
-        units[-2 * corners :] = 1 / cell_size
-        units[-corners:] *= modulus
-        self._units = torch.from_numpy(np.outer(units, units))
-        unknowns = np.full((points, d + 2), -1)
-        unknowns[:, :d] = np.where(held, -1, np.arange(points * d).reshape(-1, d))
-        unknowns[:nodes, d] = points * d + np.arange(nodes)
-        unknowns[:nodes, d + 1] = unknowns[:nodes, d] + nodes
-        order = unknowns[of_least_degree(cells, points)].ravel()
-        size = points * d + 2 * nodes
-        super().__init__(numbers, order[order >= 0], size, points * d, d, negative=nodes)
-
-    def assembled(self, cell_matrices: Tensor) -> list[csc_array]:
-        """Add cell matrices (N, n_cells, m, m) into N matrices, in units that are lengths."""
-        return super().assembled(cell_matrices * self._units)
+    points, d = held.shape
+    nodes = int(cells[:, :corners].max()) + 1
+    of_nodes = points * d + cells[:, :corners]
+    displacements = (cells[:, :, None] * d + np.arange(d)).reshape(len(cells), -1)
+    numbers = np.concatenate([displacements, of_nodes, of_nodes + nodes], axis=1)
+    units = np.ones(numbers.shape[1])
+    units[-2 * corners :] = 1 / cell_size
+    units[-corners:] *= modulus
+    unknowns = np.full((points, d + 2), -1)
+    unknowns[:, :d] = np.where(held, -1, np.arange(points * d).reshape(-1, d))
+    unknowns[:nodes, d] = points * d + np.arange(nodes)
+    unknowns[:nodes, d + 1] = unknowns[:nodes, d] + nodes
+    order = unknowns[of_least_degree(cells, points)].ravel()
+    return Layout(
+        numbers,
+        order[order >= 0],
+        points * d + 2 * nodes,
+        displacements=points * d,
+        negative=nodes,
+        units=np.outer(units, units),
+    )

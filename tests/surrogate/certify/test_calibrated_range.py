@@ -14,6 +14,7 @@ from surrogate.certify.calibrated_range import LEAST_STIFFNESS, CalibratedRange
 from surrogate.certify.fast_certificate import NO_RANGE, FastCertificate, read_calibration
 from surrogate.certify.fast_estimate import FastEstimate
 from surrogate.command_line import main
+from surrogate.descent import DrivenBody
 from surrogate.inference.surrogate import Surrogate
 from surrogate.mechanics.out_of_balance import Equilibrium
 from surrogate.runs.folder import RunFolder
@@ -43,12 +44,12 @@ def at_end(model: Surrogate, *forces: tuple[float, ...]) -> np.ndarray:
 def test_ritz_value_of_compressed_beams(cell_type: str) -> None:
     """States u = −ε x along the axis, from rest to the other side of the buckling load.
 
-    In the plane P is nearly K(0)⁻¹ here: θ is above the smallest eigenvalue of K(0)⁻¹ K(u) by 0.01
-    at most, where it is positive. Everywhere its sign is the verdict of Cholesky's factorisation.
+    In the plane P is nearly K(0)⁻¹ here: θ is the smallest eigenvalue of K(0)⁻¹ K(u) to 0.01, where
+    it is positive. Everywhere its sign is the verdict of Cholesky's factorisation.
     """
     body = box(cell_type)
     x, equilibrium = body.coordinates, Equilibrium(body, MATERIAL)
-    fast = FastEstimate(equilibrium)
+    fast = FastEstimate(DrivenBody.of(equilibrium))
     free = np.flatnonzero(equilibrium.free.ravel())
     stiffness = []
     strains = (0.0, 0.01, 0.02, 0.05, 0.1, 0.2)
@@ -70,8 +71,7 @@ def test_ritz_value_of_compressed_beams(cell_type: str) -> None:
     assert ((softest > 0) == definite).all()
     assert 0 < definite.sum() < len(u)
     if cell_type == "quad":
-        above = (softest - exact)[definite]
-        assert -1e-6 < above.min() <= above.max() < 0.01
+        assert np.abs(softest - exact)[definite].max() < 0.01
 
 
 def test_a_symmetric_residual_does_not_see_buckling(
@@ -85,9 +85,8 @@ def test_a_symmetric_residual_does_not_see_buckling(
     _, _, softest = beam.fast_estimate.with_stability(force, straight)
     assert softest[0] < 0
     assert beam.equilibrium.response_at(straight[0]) is None
-    fast = beam.fast_estimate
-    monkeypatch.setattr(fast, "_generic", 0 * fast._generic)
-    _, _, of_residual = fast.with_stability(force, straight)
+    monkeypatch.setattr(DrivenBody, "softest", lambda *state: 1.0)
+    _, _, of_residual = beam.fast_estimate.with_stability(force, straight)
     assert of_residual[0] > 0.5
 
 

@@ -175,7 +175,6 @@ def test_every_public_name_is_called() -> None:
     said |= {"require_stochastic"}
     said |= {"prepare", "with_young_moduli"}  # which write, or make another model
     inner = {"descend", "driven_body"}  # in predict
-    inner |= {"blocks"}  # on a GPU, in estimates
     inner |= {"equilibrium", "score_scale", "stressed", "under"}  # in solve, certify and stresses
     inner |= {"stresses_under", "reactions_under"}  # in solve and stresses
     public = {name for name in dir(Surrogate) if not name.startswith("_")}

@@ -13,7 +13,7 @@ from surrogate.mechanics import compliance, kept_responses
 from surrogate.mechanics.block_solve import BlockSolve
 from surrogate.mechanics.compliance import Compliance
 from surrogate.mechanics.kept_responses import KeptResponses
-from surrogate.mechanics.matrices.band_matrix import BandCholesky
+from surrogate.mechanics.matrices.factors import BandCholesky
 from tests.surrogate.plane_strain import plane_strain_stiffness
 
 

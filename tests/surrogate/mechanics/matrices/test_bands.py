@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from surrogate.mechanics.matrices.band_matrix import BandCholesky, BandLayout
+from surrogate.mechanics.matrices.factors import BandCholesky
+from surrogate.mechanics.matrices.layout import Layout
 from tests.surrogate.mechanics.bodies import box
 
 
@@ -15,23 +16,25 @@ def test_assembled_and_solved(cell_type: str) -> None:
     """Random positive cell matrices, added into a dense matrix cell by cell."""
     geometry = box(cell_type)
     d, rng = geometry.dimension, np.random.default_rng(0)
-    layout = BandLayout(geometry.coordinates, geometry.cells, geometry.held)
+    layout = Layout.of(geometry.coordinates, geometry.cells, geometry.held)
     roots = rng.normal(size=(2, *2 * (len(geometry.cells),), 1))[:, :, 0]
     width = geometry.cells.shape[1] * d
     roots = rng.normal(size=(2, len(geometry.cells), width, width))
     entries = roots @ roots.swapaxes(2, 3)
     dofs = (d * geometry.cells[:, :, None] + np.arange(d)).reshape(len(geometry.cells), -1)
-    bands = layout.assembled(torch.from_numpy(entries))
+    tangents = layout.assembled(torch.from_numpy(entries))
     right = rng.normal(size=len(layout.dofs))
     assert np.array_equal(np.sort(layout.dofs), np.flatnonzero(np.repeat(~geometry.clamped, d)))
-    for band, matrices in zip(bands, entries, strict=True):
+    for tangent, matrices in zip(tangents, entries, strict=True):
         dense = np.zeros(2 * (geometry.coordinates.size,))
         for cell, matrix in zip(dofs, matrices, strict=True):
             dense[np.ix_(cell, cell)] += matrix
         dense = dense[np.ix_(layout.dofs, layout.dofs)]
         expected = np.linalg.solve(dense, right)
-        factor = BandCholesky.of(band)
-        assert factor is not None
+        np.testing.assert_allclose(layout.matrix(tangent).toarray(), dense, atol=1e-12)
+        np.testing.assert_array_equal(layout.diagonal(tangent), layout.matrix(tangent).diagonal())
+        factor = layout.factor(tangent)
+        assert isinstance(factor, BandCholesky)
         np.testing.assert_allclose(factor.solve(right), expected, rtol=1e-7, atol=1e-9)
 
 
@@ -73,5 +76,6 @@ def test_indefinite_matrix() -> None:
 def test_width_of_a_beam() -> None:
     """Numbered across the beam, node (i, j) has its farthest neighbour at (i + 1, j + 1)."""
     geometry = box("quad")
-    layout = BandLayout(geometry.coordinates, geometry.cells, geometry.held)
+    layout = Layout.of(geometry.coordinates, geometry.cells, geometry.held)
+    assert layout.width is not None
     assert layout.width <= (4 + 1) * 2 + 1

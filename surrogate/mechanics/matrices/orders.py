@@ -1,0 +1,81 @@
+"""Orders of the unknowns of a body in which its stiffness, or its factor, has little in it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_array, diags
+from scipy.sparse.csgraph import reverse_cuthill_mckee
+from scipy.sparse.linalg import splu
+
+from surrogate.mechanics.matrices.cell_matrices import sum_of_cells
+
+Array = NDArray[np.float64]
+
+
+def band_order(
+    coordinates: Array, cells: NDArray[np.int64], held: NDArray[np.bool_]
+) -> tuple[NDArray[np.int64], int]:
+    """Order of the free degrees of freedom in which they form a narrow band, and its width.
+
+    The free nodes are renumbered so that neighbours have near numbers: by the method of Cuthill and
+    McKee (1969), reversed, or along the coordinate axis that gives a narrower band.
+
+    Parameters
+    ----------
+    coordinates : array, (n_nodes, d)
+        In m.
+    cells : array of int, (n_cells, n_corners)
+    held : array of bool, (n_nodes, m)
+        Components that are no degrees of freedom; m is d for displacements, 1 for scalars.
+
+    Returns
+    -------
+    dofs : array of int, (n,)
+        Free degrees of freedom, node · m + component.
+    width : int
+        Number b of diagonals below the main one.
+    """
+    d = held.shape[1]
+    free = np.flatnonzero(~held.all(axis=1))
+    order, distance = _narrow_order(coordinates, cells, free)
+    dofs = (order[:, None] * d + np.arange(d)).ravel()
+    return dofs[~held.ravel()[dofs]], distance * d + d - 1
+
+
+def _narrow_order(
+    coordinates: Array, cells: NDArray[np.int64], free: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], int]:
+    """Order of the free nodes with the narrowest band; largest distance of neighbours in it."""
+    corners = cells.shape[1]
+    graph = sum_of_cells(np.ones((len(cells), corners, corners)), cells, len(coordinates))
+    graph = graph[free][:, free].tocoo()
+    orders = [reverse_cuthill_mckee(graph.tocsr(), symmetric_mode=True)]
+    axes = np.arange(coordinates.shape[1])
+    places = np.round(coordinates[free] / np.ptp(coordinates, axis=0).max(), 9)  # equal ones tie
+    orders += [np.lexsort(places[:, np.roll(axes, shift)].T) for shift in axes]
+    best: tuple[NDArray[np.int64], int] | None = None
+    for order in orders:
+        place = np.empty(len(free), dtype=np.int64)
+        place[order] = np.arange(len(free))
+        distance = int(np.abs(place[graph.row] - place[graph.col]).max(initial=0))
+        if best is None or distance < best[1]:
+            best = free[order], distance
+    assert best is not None
+    return best
+
+
+def rows_of_least_degree(cells: NDArray[np.int64], held: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Order of least degree of the components that are not held, as numbers among these."""
+    rows = np.where(held, -1, np.cumsum(~held).reshape(held.shape) - 1)
+    found = rows[of_least_degree(cells, len(held))].ravel()
+    return found[found >= 0]
+
+
+def of_least_degree(cells: NDArray[np.int64], points: int) -> NDArray[np.int64]:
+    """Order of the points that leaves few entries in factors of their graph."""
+    size = cells.shape[1]
+    graph = sum_of_cells(np.ones((len(cells), size, size)), cells, points)
+    graph = graph + csc_array(diags(np.full(points, float(graph.sum()))))  # definite
+    lu = splu(csc_array(graph), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+    return np.asarray(np.argsort(lu.perm_c))
