@@ -330,7 +330,8 @@ class Equilibrium:
     @cached_property
     def undeformed(self) -> SymmetricFactor:
         """The factor of K(0), in the order of `layout`; ValueError if K(0) is singular."""
-        factor = self.layout.factor(self._at_rest)
+        at_rest = torch.zeros(1, *self.free.shape, dtype=torch.float64)
+        factor = self.layout.factor(self.layout.assembled(self.solid.cell_tangents(at_rest))[0])
         if factor is None:
             raise ValueError("the stiffness of the body is singular; supports are missing")
         return factor
