@@ -69,6 +69,11 @@ def has_points_between(case: Mapping[str, Any], cell_type: str) -> bool:
     return element == "quadratic" or (element == "incompressible" and cell_type in SIMPLICES)
 
 
+def with_dilations(geometry: Geometry, case: Mapping[str, Any]) -> Geometry:
+    """Geometry of the elements themselves, whose dilations may be between the nodes as well."""
+    return replace(geometry, mean_dilation=element_of(case) == "incompressible")
+
+
 def loads_of_before(geometry: Geometry) -> str | None:
     """Say that the loads of a dataset act at corners alone, as in earlier versions; else None."""
     if not geometry.pressed_by_corners:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -19,10 +18,10 @@ from shared_schema.common.errors import InputError
 from shared_schema.common.keys.units import Units
 from shared_schema.materials import Materials, materials_of
 from surrogate.data.elements_of_case import (
-    element_of,
     has_points_between,
     require_known_elements,
     require_nodes_alone,
+    with_dilations,
 )
 from surrogate.data.geometry import Geometry
 from surrogate.inference.given_load import checked_loads, fields_at_nodes, without_pressure
@@ -103,15 +102,13 @@ class Body(Remade):
             equilibria of its elements.
         """
         require_known_elements(self.case)
-        whole = element_of(self.case) == "incompressible"
-        between = has_points_between(self.case, self.geometry.cell_type)
-        geometry, found = replace(self.geometry, mean_dilation=whole), None
+        geometry = with_dilations(self.geometry, self.case)
+        between = has_points_between(self.case, geometry.cell_type)
+        kind, found = QuadraticEquilibrium if between else Equilibrium, None
         for one in (compliance.equilibrium for compliance in self._shared):
-            if one.mean_dilation == whole and between == isinstance(one, QuadraticEquilibrium):
+            if type(one) is kind and one.mean_dilation == geometry.mean_dilation:
                 found = one
-        if between and found is None:
-            found = QuadraticEquilibrium(geometry, self.material)
-        found = found or Equilibrium(self.geometry, self.material)
+        found = found or kind(geometry, self.material)
         found.units = self.units
         return found
 

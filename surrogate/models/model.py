@@ -14,7 +14,7 @@ from shared_schema.common.configuration import Frozen
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import StructuredInfo
 from shared_schema.materials import Materials
-from surrogate.data.elements_of_case import body_of_response
+from surrogate.data.elements_of_case import body_of_response, with_dilations
 from surrogate.data.geometry import Geometry
 from surrogate.data.samples import Samples
 from surrogate.mechanics.linear_response import LinearResponse, required
@@ -113,7 +113,9 @@ class Model(Frozen, ABC):
         One that has learned `before` networks had load series of the body's own elements and loads
         keeps that of linear ones under dead loads.
         """
-        if material is not None and (before or not self.has_own_series):
+        if material is not None and self.has_own_series and not before:
+            geometry = with_dilations(geometry, case)
+        elif material is not None:
             geometry, material = body_of_response(geometry, material, case, self.has_series)
         return self.build(geometry, info, material)
 

@@ -8,6 +8,11 @@ import numpy as np
 import pytest
 import torch
 
+from surrogate.data.dataset import Dataset
+from surrogate.data.elements_of_case import with_elements
+from surrogate.mechanics.solids.solid import Solid
+from surrogate.mechanics.solids.taylor_hood import TaylorHoodSolid
+from surrogate.runs.config_reader import run_config
 from surrogate.series.body_series import BodySeries
 from surrogate.series.series_response import SeriesResponse
 from tests.surrogate.mechanics.bodies import box, end_load
@@ -75,6 +80,22 @@ def test_forces_on_half_of_a_surface_keep_their_direction() -> None:
     assert pressures is not None
     assert not pressures.any()
     torch.testing.assert_close(dead, nodal)
+
+
+@pytest.mark.parametrize("element", ["quadratic", "incompressible"])
+def test_models_have_the_elements_of_the_case(dataset: Dataset, element: str) -> None:
+    """Taylor and Hood's too; a network of before keeps linear ones."""
+    case = {"element": element}
+    geometry = with_elements(box("triangle"), case, None)
+    model = run_config({"name": "a", "case": "bar", "model": "series"})
+    found = model.build_for(geometry, dataset.info, MATERIALS["yeoh"], case).linear
+    assert isinstance(found, SeriesResponse)
+    kind = TaylorHoodSolid if element == "incompressible" else Solid
+    assert type(found.series.solid) is kind
+    assert found.series.solid.nodes > found.nodes
+    older = model.build_for(geometry, dataset.info, MATERIALS["yeoh"], case, before=True).linear
+    assert isinstance(older, SeriesResponse)
+    assert older.series.solid.nodes == found.nodes
 
 
 @pytest.mark.parametrize(
