@@ -7,6 +7,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+LEVEL = 0.95  # probability of each fast bound
+
 
 class ErrorCertificate(Protocol):
     """Estimated error of one prediction: `Certificate` (full) or `Bounds` (fast)."""

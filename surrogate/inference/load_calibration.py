@@ -11,6 +11,7 @@ import numpy as np
 from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.errors import InputError
 from shared_schema.common.memory import require_memory
+from surrogate.certify.certificate_protocol import LEVEL
 from surrogate.certify.fast_certificate import FastCertificate
 from surrogate.data.load_families import TRAINED
 from surrogate.inference.calibrated_bounds import HeldOut, fit_on_samples
@@ -24,7 +25,6 @@ from surrogate.runs.shelf import find_run, require_changeable
 
 logger = logging.getLogger(__name__)
 FEWEST = 20  # corrected loads: of fewer, no bound holds with a probability of 95 %
-LEVEL = 0.95  # of the bounds that are counted on fresh loads
 
 
 @checked_arguments

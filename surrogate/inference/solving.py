@@ -15,7 +15,7 @@ from shared_schema.common.bodies.command_loads import CommandLoads
 from shared_schema.common.bodies.displacement_size import size_warning
 from shared_schema.common.errors import InputError
 from shared_schema.tools import Tool
-from surrogate.certify.certificate_protocol import ErrorCertificate
+from surrogate.certify.certificate_protocol import LEVEL, ErrorCertificate
 from surrogate.descent.aim import Aim, require_positive
 from surrogate.inference.given_load import Load, following, given_load
 from surrogate.inference.prediction import certain
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)
-LEVEL = 0.95  # probability of fast bounds
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.arguments.real_numbers import real_numbers
 from shared_schema.common.errors import InputError, WorkError
 from shared_schema.common.progress import Progress
+from surrogate.certify.certificate_protocol import LEVEL
 from surrogate.data.geometry import SURFACE, Geometry
 from surrogate.device import Precision
 from surrogate.inference.body import Body, Remade
@@ -51,7 +52,6 @@ if TYPE_CHECKING:
     from surrogate.touch.grip import Held
 
 Array = NDArray[np.float64]
-LEVEL = 0.95  # probability of fast bounds
 
 
 class Surrogate(Remade):

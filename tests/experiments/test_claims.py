@@ -15,6 +15,7 @@ from experiments.benchmarks import claims
 from experiments.benchmarks.benchmark import stored_record
 from experiments.benchmarks.suspect_loads import KINDS, SuspectLoads, critical_factor
 from surrogate.descent import Descent
+from surrogate.inference.body import Body
 from surrogate.mechanics import Equilibrium
 from tests.surrogate.descent.test_claims import grid
 from tests.surrogate.mechanics.bodies import MATERIAL
@@ -67,13 +68,13 @@ def test_claims_are_judged_and_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert [json.loads(line)["kind"] for line in lines.splitlines()] == list(KINDS)
     assert claims.of_network("beam2d_any", len(KINDS), 1, kept) == found
     assert kept.read_text() == lines
-    descend = surrogate.Surrogate.descend
+    descend = Body.descend
 
     def exaggerated(*given: Any) -> tuple[np.ndarray, Descent]:
         u, descent = descend(*given)
         return 1.01 * u, replace(descent, reached=True, stable=True)
 
-    monkeypatch.setattr(surrogate.Surrogate, "descend", exaggerated)
+    monkeypatch.setattr(Body, "descend", exaggerated)
     wrong = claims.of_network("beam2d_any", len(KINDS), 1, None)
     assert wrong["claims"] == wrong["broken"] == len(KINDS)
     assert wrong["worst"] >= 0.0099  # 1 - 1/1.01

@@ -226,7 +226,8 @@ def test_fast_certificate(
     code, alone = predict_at_corner(run, out)
     assert code == 3
     assert "half_width" not in alone  # nothing of 95 %
-    monkeypatch.setattr("surrogate.inference.surrogate.LEVEL", 0.9)
+    for module in ("surrogate", "solving"):
+        monkeypatch.setattr(f"surrogate.inference.{module}.LEVEL", 0.9)
     code, alone = predict_at_corner(run, out)
     assert code == 3
     assert "estimated_error" not in alone

@@ -208,10 +208,10 @@ class Solid(nn.Module):
         Every node sums what its cells have. ONNX Runtime would scatter what the cells have to the
         nodes on several threads, and lose some of it (its issue 18048).
         """
-        _, samples, d, _ = forces.shape
-        rows = forces.permute(0, 3, 1, 2).reshape(-1, samples * d)
+        count, samples, d, corners = forces.shape
+        rows = forces.permute(0, 3, 1, 2).reshape(count * corners, samples * d)
         total: Tensor = self.sums(rows)
-        return total.reshape(-1, samples, d).transpose(0, 1)
+        return total.reshape(len(total), samples, d).transpose(0, 1)
 
     def by_law(
         self,
