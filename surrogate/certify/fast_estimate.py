@@ -43,7 +43,7 @@ from surrogate.mechanics.follower_pressure import FollowerPressure
 
 Array = NDArray[np.float64]
 STEPS = 2
-CONVERGED = 1e-9  # of the work w · P w of a product, whose rest is an error of the difference
+CONVERGED = 1e-6  # of the work w · P w of a product: what P in single precision leaves of it
 
 
 class FastEstimate:
@@ -109,7 +109,6 @@ class FastEstimate:
             if state is None:
                 continue
             carried = body.compliance.at(state.u)
-
             product = partial(body.product, state, f[0])
             steps = lanczos(product, carried, -state.r, STEPS)
             error[row], softest[row] = u - held - steps.solution[:nodes], steps.softest

@@ -20,6 +20,7 @@ NAMES = [
 ]
 FACTORS = [(1e-6, 1.0), (1e6, 1.0), (1.0, 1e-6), (1.0, 1e6), (1e-6, 1e-6), (1e6, 1e6)]
 SINGLE = 3e-5  # of the largest displacement: single precision, which a series amplifies
+ESTIMATED = 5e-4  # likewise: K(0)⁻¹ of large bodies in single precision
 
 
 @pytest.fixture(scope="module", params=NAMES)
@@ -67,7 +68,7 @@ def test_lengths_stiffnesses_and_loads_of_any_size(
         )
         np.testing.assert_array_equal(scaled_certificate.settled, certificate.settled)
         estimated = other.fast_estimate(*given) / length
-        assert estimated == pytest.approx(fast, abs=SINGLE * size)
+        assert estimated == pytest.approx(fast, abs=ESTIMATED * size)
         found_one = other.correct(given[0][0], given[1][0])
         assert found_one.displacement / length == pytest.approx(truth, abs=1e-7 * size)
         assert abs(found_one.iterations - correction.iterations) <= 1
