@@ -29,6 +29,9 @@ Array = NDArray[np.float64]
 SOFTER = 0.3  # change of φ that matters
 TOLERANCE = 1e-3  # of the error of a prediction, over its largest displacement
 OF_NOISE = 0.1  # the same, over the noise of a marker, where that is larger
+ASTRAY = 0.01  # of the largest displacement of a marker: how far off a fit may be astray
+WITHIN = 3.0  # of the noise of a component: the same
+PARTS = (0.25, 0.5, 0.75, 1.0)  # of the way from where a search begins to the markers
 MANY = 64  # places of one radius that may bear a force
 
 
@@ -190,8 +193,20 @@ class Search:
         return Touch(self._body, CONTACT, corrected=False)
 
     def _fitted(self, unknowns: Unknowns, begin: Array, scale: Array) -> Fit:
+        """The parameters that fit; a search that went astray is led there by parts of the way."""
         model = self._response(unknowns, scale).model
-        return fit(model, self._moved, begin, scale, self._noise)
+        found = fit(model, self._moved, begin, scale, self._noise)
+        if np.median(found.lengths) <= max(ASTRAY * self._size, WITHIN * (self._noise or 0.0)):
+            return found
+        first, led = model.seen(model.state(begin)), begin
+        for part in PARTS:
+            target = first + part * (self._moved - first)
+            try:
+                again = fit(model, target, led, scale, self._noise)
+            except WorkError:
+                return found
+            led = again.theta
+        return min(found, again, key=lambda one: float(np.median(one.lengths)))
 
     def _linear(self, patterns: Array) -> Array:
         """Displacements of the markers by the linear response, (m, d, K)."""
