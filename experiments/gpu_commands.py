@@ -80,7 +80,7 @@ def run_steps(options: argparse.Namespace) -> None:
     from experiments.framework.runner import find, run
     from experiments.gpu.catalogue import STEPS
     from experiments.gpu.setting import CARRIED, GpuSetting
-    from surrogate.device import choose_device
+    from surrogate.runtime.device import choose_device
 
     if options.list:
         for step in STEPS:

@@ -106,7 +106,7 @@ def run_some(options: argparse.Namespace) -> None:
 def run_published(options: argparse.Namespace) -> None:
     """Print the numbers as YAML; an empty mapping for a case that the paper does not have."""
     from experiments.paper.published_numbers import PAPER, as_yaml
-    from surrogate.runs import RunFolder, find_run
+    from surrogate.learning.runs import RunFolder, find_run
 
     of = RunFolder(find_run(options.run)).description().run
     print(as_yaml(PAPER.published(of.case, of.likelihood)), end="")
@@ -136,7 +136,7 @@ def _do(
     from experiments.framework.report import PAGE, write_current
     from experiments.framework.resources import Resources
     from experiments.framework.runner import run
-    from surrogate.device import choose_device
+    from surrogate.runtime.device import choose_device
 
     scale = _scale(options, report)
     studies = report.studies_at(scale) if studies is None else studies

@@ -14,35 +14,35 @@ from typing import TYPE_CHECKING
 from shared_schema.common.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from surrogate.data.dataset import Dataset
-    from surrogate.data.joined_dataset import read_dataset
-    from surrogate.descent.aim import UnreachedToleranceWarning
-    from surrogate.evaluation.learning_curves import LearningCurve, learning_curve
-    from surrogate.evaluation.published import Published, read_published
-    from surrogate.evaluation.run_comparison import Comparison, compare
-    from surrogate.evaluation.run_evaluation import Evaluation, evaluate
-    from surrogate.evaluation.run_report import write_report
-    from surrogate.identification.identification import Identification, identify
-    from surrogate.identification.markers import Markers
-    from surrogate.inference.export import export
-    from surrogate.inference.load_calibration import calibrate
-    from surrogate.inference.loading import load
-    from surrogate.inference.proposal import Proposal, propose
-    from surrogate.inference.solution import Solution
-    from surrogate.inference.surrogate import Surrogate
-    from surrogate.inference.training_range import OutsideTrainingWarning
+    from surrogate.learning.data.dataset import Dataset
+    from surrogate.learning.data.joined_dataset import read_dataset
+    from surrogate.learning.evaluation.learning_curves import LearningCurve, learning_curve
+    from surrogate.learning.evaluation.published import Published, read_published
+    from surrogate.learning.evaluation.run_comparison import Comparison, compare
+    from surrogate.learning.evaluation.run_evaluation import Evaluation, evaluate
+    from surrogate.learning.evaluation.run_report import write_report
+    from surrogate.learning.inference.export import export
+    from surrogate.learning.inference.load_calibration import calibrate
+    from surrogate.learning.inference.loading import load
+    from surrogate.learning.inference.proposal import Proposal, propose
+    from surrogate.learning.inference.solution import Solution
+    from surrogate.learning.inference.surrogate import Surrogate
+    from surrogate.learning.inference.training_range import OutsideTrainingWarning
+    from surrogate.learning.planning.first_configuration import first_config
+    from surrogate.learning.planning.trial_steps import dry_run
+    from surrogate.learning.runs.config_list import config_list
+    from surrogate.learning.runs.config_reader import read_config
+    from surrogate.learning.runs.config_schema import config_keys, config_schema
+    from surrogate.learning.runs.shelf import shelve, shelved
+    from surrogate.learning.runs.trained_list import trained_list
+    from surrogate.learning.training.loop import train
+    from surrogate.learning.training.refinement import refine
+    from surrogate.mechanics.descent.aim import UnreachedToleranceWarning
+    from surrogate.mechanics.identification.identification import Identification, identify
+    from surrogate.mechanics.identification.markers import Markers
+    from surrogate.mechanics.touch.grip import Grip, GripFrame
+    from surrogate.mechanics.touch.touch import Touch, TouchFrame
     from surrogate.page.page import write_page
-    from surrogate.planning.first_configuration import first_config
-    from surrogate.planning.trial_steps import dry_run
-    from surrogate.runs.config_list import config_list
-    from surrogate.runs.config_reader import read_config
-    from surrogate.runs.config_schema import config_keys, config_schema
-    from surrogate.runs.shelf import shelve, shelved
-    from surrogate.runs.trained_list import trained_list
-    from surrogate.touch.grip import Grip, GripFrame
-    from surrogate.touch.touch import Touch, TouchFrame
-    from surrogate.training.loop import train
-    from surrogate.training.refinement import refine
 
 __version__ = "0.2.0"
 __all__ = [

@@ -56,8 +56,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     command: Callable[[argparse.Namespace], None] = options.command
 
     def run() -> None:
-        from surrogate.device import flush_denormals
-        from surrogate.hardware import memory_errors
+        from surrogate.runtime.device import flush_denormals
+        from surrogate.runtime.hardware import memory_errors
 
         flush_denormals()
         with memory_errors():
@@ -79,13 +79,13 @@ def _parser() -> Parser:
 
 def _config_names() -> list[str]:
     from shared_schema.common.shipped_files import names_in
-    from surrogate.runs.recipes import SHIPPED
+    from surrogate.learning.runs.recipes import SHIPPED
 
     return names_in(SHIPPED)
 
 
 def _run_names() -> list[str]:
-    from surrogate.runs.shelf import shelved
+    from surrogate.learning.runs.shelf import shelved
 
     return shelved()
 

@@ -24,9 +24,9 @@ import surrogate
 from experiments.benchmarks.benchmark import Benchmark, Results
 from experiments.framework.report import markdown_table
 from shared_schema.common import Parser
-from surrogate.inference import drawn_loads
-from surrogate.measures import node_errors
-from surrogate.runs import RunFolder, find_run
+from surrogate.learning.inference import drawn_loads
+from surrogate.learning.measures import node_errors
+from surrogate.learning.runs import RunFolder, find_run
 
 REFUSALS = {  # short names, and what the reasons contain
     "inverted": "inverted",

@@ -33,7 +33,7 @@ from shared_schema.common import Parser
 from shared_schema.common.drawing import save
 from surrogate import Dataset, read_dataset
 from surrogate.figures import error_beside_certificate
-from surrogate.inference import drawn_loads, fit_fast_certificate
+from surrogate.learning.inference import drawn_loads, fit_fast_certificate
 
 Array = NDArray[np.float64]
 LOADS = 300  # of every kind

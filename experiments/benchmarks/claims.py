@@ -37,8 +37,8 @@ from experiments.framework.kept_rows import Row, add_rows_option, kept_rows
 from experiments.framework.quiet import quiet
 from experiments.framework.report import markdown_table
 from shared_schema.common import Parser, WorkError
-from surrogate.certify import iterated
-from surrogate.descent import Aim
+from surrogate.mechanics.certify import iterated
+from surrogate.mechanics.descent import Aim
 
 Array = NDArray[np.float64]
 NETWORKS = ["beam2d_any:1000", "lshape2d_any:1000", "breast3d:100"]

@@ -19,7 +19,7 @@ import torch
 import surrogate
 from experiments.measures.corrections import corrected
 from shared_schema.common import complete_or_absent
-from surrogate.inference import drawn_loads
+from surrogate.learning.inference import drawn_loads
 
 SEED = 15
 

@@ -45,9 +45,9 @@ from experiments.framework.quiet import quiet
 from experiments.framework.report import markdown_table
 from experiments.framework.timing import timed
 from shared_schema.common import Parser, WorkError
-from surrogate.descent import Aim
-from surrogate.inference import drawn_loads, separated
-from surrogate.measures import node_errors
+from surrogate.learning.inference import drawn_loads, separated
+from surrogate.learning.measures import node_errors
+from surrogate.mechanics.descent import Aim
 
 Array = NDArray[np.float64]
 NETWORKS = ["beam3d_any:400", "finger3d:20", "beam2d_any:800", "lshape2d_any:800"]

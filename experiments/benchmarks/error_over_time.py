@@ -28,9 +28,9 @@ from experiments.framework.timing import timed
 from shared_schema.common import Parser
 from shared_schema.common.drawing import NETWORK, make_figure, save, styled
 from surrogate.figures import CURVES
-from surrogate.inference import drawn_loads
-from surrogate.measures import node_errors
-from surrogate.runs import shelved
+from surrogate.learning.inference import drawn_loads
+from surrogate.learning.measures import node_errors
+from surrogate.learning.runs import shelved
 
 NEAR = 5e-3  # of the largest displacement
 ORDERS = (1, 2, 3, 4, 5, 6)

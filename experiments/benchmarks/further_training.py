@@ -32,10 +32,10 @@ from experiments.framework.scale import merged
 from experiments.measures.solutions import typical_seconds
 from shared_schema.common import Parser, write_text
 from surrogate import Dataset, Surrogate, load, read_dataset, refine, train
-from surrogate.inference import farthest
-from surrogate.measures import sample_errors
-from surrogate.models import TrainedModel
-from surrogate.runs import RunFolder, read_recipe, run_config
+from surrogate.learning.inference import farthest
+from surrogate.learning.measures import sample_errors
+from surrogate.learning.models import TrainedModel
+from surrogate.learning.runs import RunFolder, read_recipe, run_config
 
 Rows = NDArray[np.int64]
 ROUNDS = 2

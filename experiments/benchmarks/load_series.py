@@ -20,7 +20,7 @@ from experiments.framework.report import markdown_table
 from experiments.framework.timing import timed
 from shared_schema.common import Parser
 from surrogate import Dataset, read_dataset
-from surrogate.series import SeriesResponse
+from surrogate.mechanics.series import SeriesResponse
 
 LARGE = 1000  # nodes, above which fewer loads and orders are measured
 LOADS, ORDERS = {False: 300, True: 60}, {False: range(2, 7), True: range(2, 6)}

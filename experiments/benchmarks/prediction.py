@@ -30,9 +30,9 @@ from experiments.measures.untrained import LIKELIHOODS, RECIPES, Body, read_body
 from experiments.paper.published_numbers import PAPER
 from shared_schema.common import InputError, Parser
 from surrogate import load
-from surrogate.networks import parameter_count
-from surrogate.probabilistic import PASSES
-from surrogate.runs import RunFolder
+from surrogate.learning.networks import parameter_count
+from surrogate.learning.probabilistic import PASSES
+from surrogate.learning.runs import RunFolder
 
 WAYS = ("PyTorch", "compiled", "ONNX")
 

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from surrogate.inference import Surrogate, drawn_loads
+from surrogate.learning.inference import Surrogate, drawn_loads
 from surrogate.mechanics import Equilibrium
 
 Array = NDArray[np.float64]

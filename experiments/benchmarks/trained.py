@@ -30,8 +30,8 @@ from experiments.measures.latency import Predict, by_onnx, by_pytorch
 from shared_schema import DatasetReader
 from shared_schema.common import Parser, scatter_forces
 from surrogate import load, shelved
-from surrogate.networks import parameter_count
-from surrogate.runs import find_run
+from surrogate.learning.networks import parameter_count
+from surrogate.learning.runs import find_run
 
 DATAGEN = Path(".venv-datagen/bin/datagen")
 WAYS = ("predict", "PyTorch", "ONNX Runtime", "datagen")

@@ -30,11 +30,11 @@ from experiments.framework.timing import timed
 from experiments.measures.untrained import shipped_unet
 from shared_schema.common import Parser, Progress
 from surrogate import Dataset, read_dataset
-from surrogate.data import Samples
-from surrogate.device import lay_out
-from surrogate.models import UNetModel
-from surrogate.networks import FieldNetwork, parameter_count
-from surrogate.training import Trainer
+from surrogate.learning.data import Samples
+from surrogate.learning.models import UNetModel
+from surrogate.learning.networks import FieldNetwork, parameter_count
+from surrogate.learning.training import Trainer
+from surrogate.runtime.device import lay_out
 
 BATCH = 4  # the paper's
 NETWORKS = {"paper": "beam2d-det-paper", "fast": "beam2d-det-fast"}

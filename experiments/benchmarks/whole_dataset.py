@@ -27,7 +27,7 @@ from experiments.framework.report import markdown_table
 from experiments.framework.timing import timed
 from shared_schema import read_manifest
 from shared_schema.common import Parser
-from surrogate.measures import node_errors
+from surrogate.learning.measures import node_errors
 
 NEAR, ORDERS, TOLERANCES = 5e-3, (1, 3, 5), (5e-3,)
 TIMED = 50  # samples that are predicted one by one as well

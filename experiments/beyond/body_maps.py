@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from experiments.beyond.error_curves import WIDTH
 from shared_schema.common.drawing import UNDEFORMED, make_drawing, make_figure, styled
-from surrogate.data import Geometry
+from surrogate.learning.data import Geometry
 
 
 @styled

@@ -21,9 +21,9 @@ from experiments.measures.errors_on_test_split import MM
 from shared_schema.common import InputError
 from shared_schema.common.drawing import make_figure, styled
 from surrogate import OutsideTrainingWarning
-from surrogate.certify import certify
-from surrogate.inference import fit_fast_certificate
-from surrogate.measures import sample_errors
+from surrogate.learning.inference import fit_fast_certificate
+from surrogate.learning.measures import sample_errors
+from surrogate.mechanics.certify import certify
 
 Array = NDArray[np.float64]
 PREDICTED = (

@@ -21,7 +21,7 @@ from experiments.framework.record import Cell, Table
 from experiments.framework.resources import Resources
 from experiments.measures.errors_on_test_split import MM
 from experiments.measures.predicted_samples import PredictedSamples, predicted_samples
-from surrogate.probabilistic import INTERVALS, CalibrationMeasures, measure_calibration
+from surrogate.learning.probabilistic import INTERVALS, CalibrationMeasures, measure_calibration
 
 UNCERTAIN = ("mechanics-mle", "mechanics-vb", "mechanics-ensemble", "reduced-vb", "modal-gp")
 BAYESIAN = {"mechanics-vb": "mechanics", "reduced-vb": "reduced"}  # and their deterministic kinds

@@ -16,7 +16,7 @@ from experiments.framework.experiment import Experiment, Findings
 from experiments.framework.record import Cell, Table
 from experiments.framework.resources import Resources
 from experiments.measures.errors_on_test_split import MM
-from surrogate.measures import ForceSweep, force_sweep
+from surrogate.learning.measures import ForceSweep, force_sweep
 
 COMPARED = ("forces", "mechanics", "reduced", "gp", "modal-gp")
 REACHES = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0)  # forces of the table, over the largest in training

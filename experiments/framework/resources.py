@@ -16,15 +16,15 @@ from experiments.framework.scale import Scale
 from shared_schema import MANIFEST, Kind, Manifest, digest_of, read_manifest
 from shared_schema.common import InputError
 from surrogate import Dataset, Surrogate, load, read_dataset, train
-from surrogate.certify import FastCertificate
-from surrogate.data import NodalDataset, read_nodal_dataset
-from surrogate.hardware import hardware
-from surrogate.inference import fit_fast_certificate
-from surrogate.measures import Extrapolation, extrapolate
-from surrogate.models import Model
-from surrogate.networks import parameter_count
-from surrogate.probabilistic import Distribution
-from surrogate.runs import RunFolder
+from surrogate.learning.data import NodalDataset, read_nodal_dataset
+from surrogate.learning.inference import fit_fast_certificate
+from surrogate.learning.measures import Extrapolation, extrapolate
+from surrogate.learning.models import Model
+from surrogate.learning.networks import parameter_count
+from surrogate.learning.probabilistic import Distribution
+from surrogate.learning.runs import RunFolder
+from surrogate.mechanics.certify import FastCertificate
+from surrogate.runtime.hardware import hardware
 
 Value = TypeVar("Value")
 SEED = Setting.seed  # of the stochastic passes

@@ -12,9 +12,9 @@ from pydantic import Field, TypeAdapter, model_validator
 from experiments.framework.timing import TIMING, Timing
 from shared_schema import NodeOrder, digest_of
 from shared_schema.common import Frozen, InputError, changed, read_named, source_of, validate
-from surrogate.models import Model, UNetModel
-from surrogate.probabilistic import MOST_PASSES, PASSES
-from surrogate.runs import read_recipe, run_config
+from surrogate.learning.models import Model, UNetModel
+from surrogate.learning.probabilistic import MOST_PASSES, PASSES
+from surrogate.learning.runs import read_recipe, run_config
 
 
 class DatasetSpec(Frozen):

@@ -18,7 +18,7 @@ from experiments.framework.experiment import Findings
 from experiments.framework.timing import timed
 from experiments.gpu.setting import GpuSetting, Results
 from surrogate import load
-from surrogate.inference import drawn_loads
+from surrogate.learning.inference import drawn_loads
 from surrogate.mechanics import BlockSolve, Compliance
 
 REFERENCE, PACKED = "reference.npz", ".tar.xz"

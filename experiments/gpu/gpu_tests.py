@@ -12,7 +12,7 @@ from experiments.framework.machine import ROOT
 from experiments.gpu.setting import GpuSetting, Results
 
 CLOSING = 10.0  # s for what pytest says in the end
-SMALL = "tests/surrogate/training/test_precision.py"
+SMALL = "tests/surrogate/learning/training/test_precision.py"
 
 
 def marked_files() -> list[str]:

@@ -22,9 +22,9 @@ from experiments.gpu.setting import CASES, GpuSetting, Results
 from experiments.measures.latency import by_compiling
 from experiments.measures.untrained import LIKELIHOODS, RECIPES, Body, shape_of, untrained
 from surrogate import Dataset, Surrogate, load
-from surrogate.device import Precision
-from surrogate.networks import parameter_count
-from surrogate.probabilistic import PASSES, Likelihood
+from surrogate.learning.networks import parameter_count
+from surrogate.learning.probabilistic import PASSES, Likelihood
+from surrogate.runtime.device import Precision
 
 BATCHES = (1, 4, 16, 64, 256, 1024, 4096)
 LARGEST_IN_SPACE = 256

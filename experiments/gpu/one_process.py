@@ -14,8 +14,8 @@ from experiments.gpu.trainings import adapted
 from experiments.measures.untrained import changed, shipped_unet
 from shared_schema.common import WorkError
 from surrogate import train
-from surrogate.models import UNetModel
-from surrogate.runs import RunFolder
+from surrogate.learning.models import UNetModel
+from surrogate.learning.runs import RunFolder
 
 CASE = "beam2d"
 

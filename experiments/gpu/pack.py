@@ -23,7 +23,7 @@ from experiments.gpu.frames import PACKED, write_reference
 from experiments.gpu.responses import REFERENCES, write_references
 from experiments.gpu.setting import CARRIED
 from shared_schema.common import InputError, WorkError
-from surrogate.runs import RunFolder, find_run
+from surrogate.learning.runs import RunFolder, find_run
 
 LIMIT = 64 * 2**20  # bytes of the carried folder and the repository
 WITH_NEEDS = ("pydantic",)  # its core has to be of one exact version

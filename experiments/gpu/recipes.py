@@ -15,7 +15,7 @@ from experiments.gpu.setting import GpuSetting
 from experiments.gpu.trainings import adapted, train_within
 from experiments.measures.untrained import changed, shipped_unet
 from surrogate import read_config
-from surrogate.models import ReducedModel, UNetModel
+from surrogate.learning.models import ReducedModel, UNetModel
 
 EPOCHS = 600
 WITHOUT = "-without-norm"

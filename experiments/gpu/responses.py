@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from experiments.framework.experiment import Findings
 from experiments.gpu.setting import GpuSetting, Results
 from surrogate import Surrogate, load
-from surrogate.inference import fixed_directions
+from surrogate.learning.inference import fixed_directions
 
 NETWORKS = ("beam2d_any", "lshape2d_any", "beam3d_any", "beam3d_any_reduced")
 BATCHES, IN_SPACE = (1, 64, 512, 4096), (1, 64, 512)

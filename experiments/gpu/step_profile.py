@@ -29,11 +29,11 @@ from experiments.framework.timing import Timing, median_seconds
 from experiments.gpu.setting import GpuSetting, Results
 from experiments.gpu.throughput import NETWORKS, small_or_whole
 from surrogate import Dataset
-from surrogate.data import Samples
-from surrogate.device import Precision, lay_out
-from surrogate.models import UNetModel
-from surrogate.networks import parameter_count
-from surrogate.training import Trainer
+from surrogate.learning.data import Samples
+from surrogate.learning.models import UNetModel
+from surrogate.learning.networks import parameter_count
+from surrogate.learning.training import Trainer
+from surrogate.runtime.device import Precision, lay_out
 
 BATCH = 4
 STEPS = 20

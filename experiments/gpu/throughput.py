@@ -20,7 +20,7 @@ from experiments.framework.experiment import Findings
 from experiments.gpu.setting import GpuSetting, Results
 from experiments.measures.untrained import changed
 from surrogate import Dataset
-from surrogate.models import UNetModel
+from surrogate.learning.models import UNetModel
 
 NETWORKS = {  # configuration, dataset, changes of the network
     "paper": ("beam2d-det-paper", "beam2d", {}),

@@ -11,8 +11,8 @@ from experiments.framework.experiment import Findings
 from experiments.gpu.setting import GpuSetting
 from experiments.measures.untrained import changed
 from surrogate import Dataset, Evaluation, evaluate, train
-from surrogate.models import ReducedModel, UNetModel
-from surrogate.runs import RunFolder, load_tensors
+from surrogate.learning.models import ReducedModel, UNetModel
+from surrogate.learning.runs import RunFolder, load_tensors
 
 RESERVE = {"variational_bayes": 22.0}  # s for the evaluation; 10 of other likelihoods
 CURVE = 200  # lines of the learning curve in the result

@@ -20,9 +20,9 @@ from scipy.stats import rankdata
 from shared_schema import NeoHookean
 from shared_schema.common import WorkError
 from surrogate import Surrogate
-from surrogate.certify import Certificate, certify, correct
-from surrogate.data import RandomLoads, at_free
+from surrogate.learning.data import RandomLoads, at_free
 from surrogate.mechanics import Equilibrium, norms
+from surrogate.mechanics.certify import Certificate, certify, correct
 
 Array = NDArray[np.float64]
 SOFTER = 0.8  # Young's modulus of the other material, over that of the training

@@ -11,8 +11,8 @@ from scipy.stats import spearmanr
 
 from experiments.framework.timing import TIMING, Timing, median_seconds
 from surrogate import Surrogate
-from surrogate.certify import Certificate, FastCertificate, certify, correct
-from surrogate.measures import sample_errors
+from surrogate.learning.measures import sample_errors
+from surrogate.mechanics.certify import Certificate, FastCertificate, certify, correct
 
 Array = NDArray[np.float64]
 WITHIN = (0.8, 1.5)  # estimated over true errors that are close to 1

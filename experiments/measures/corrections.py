@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from experiments.framework.timing import timed
 from shared_schema.common import WorkError
-from surrogate.certify import Correction, correct, iterated
 from surrogate.mechanics import Equilibrium
+from surrogate.mechanics.certify import Correction, correct, iterated
 
 Array = NDArray[np.float64]
 ZERO, LINEAR, PREDICTION = "undeformed body", "linear response", "safest of three"

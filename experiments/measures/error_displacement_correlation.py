@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.framework.resources import Resources
-from surrogate.measures import node_errors
-from surrogate.probabilistic import rank_correlation
+from surrogate.learning.measures import node_errors
+from surrogate.learning.probabilistic import rank_correlation
 
 Array = NDArray[np.float64]
 

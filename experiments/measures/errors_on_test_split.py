@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from experiments.framework.record import Comparison, Table, compare
 from experiments.framework.resources import Resources
 from experiments.paper.published_numbers import PaperErrors
-from surrogate.measures import ErrorMeasures, measure
+from surrogate.learning.measures import ErrorMeasures, measure
 
 BODIES = {"beam2d": "2D beam", "lshape2d": "2D L-shape", "beam3d": "3D beam"}
 LIKELIHOODS = {"deterministic": "D", "maximum_likelihood": "MLE", "variational_bayes": "VB"}

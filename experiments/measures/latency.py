@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from experiments.framework.timing import TIMING, Timing, median_seconds
 from surrogate import Surrogate, export
-from surrogate.inference import NodalFunction
+from surrogate.learning.inference import NodalFunction
 
 Array = NDArray[np.float64]
 Work = Callable[[], object]

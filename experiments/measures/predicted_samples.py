@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.framework.resources import Resources
-from surrogate.certify import FastCertificate
-from surrogate.data import Geometry, at_free
-from surrogate.measures import BAND, sample_errors
-from surrogate.probabilistic import Distribution, half_width
+from surrogate.learning.data import Geometry, at_free
+from surrogate.learning.measures import BAND, sample_errors
+from surrogate.learning.probabilistic import Distribution, half_width
+from surrogate.mechanics.certify import FastCertificate
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

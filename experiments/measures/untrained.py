@@ -13,11 +13,11 @@ from experiments.measures.solutions import typical_seconds
 from shared_schema import ComponentStatistics, DatasetReader, Grid, Manifest, StructuredInfo
 from shared_schema.common import scatter_forces
 from surrogate import read_config
-from surrogate.data import Geometry
-from surrogate.models import ReducedModel, UNetModel
-from surrogate.networks import UNetConfig
-from surrogate.probabilistic import Likelihood
-from surrogate.runs import DataFingerprint, RunDescription, RunFolder, run_config
+from surrogate.learning.data import Geometry
+from surrogate.learning.models import ReducedModel, UNetModel
+from surrogate.learning.networks import UNetConfig
+from surrogate.learning.probabilistic import Likelihood
+from surrogate.learning.runs import DataFingerprint, RunDescription, RunFolder, run_config
 
 RECIPES = ("paper", "fast")
 LIKELIHOODS: tuple[Likelihood, ...] = ("deterministic", "variational_bayes")

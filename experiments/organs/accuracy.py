@@ -10,7 +10,7 @@ from experiments.framework.resources import Resources
 from experiments.framework.timing import median_seconds
 from experiments.measures.predicted_samples import PredictedSamples
 from experiments.organs.predictors import HUNDREDTHS_OF_MM, RUNS, Predictor, predictors
-from surrogate.measures import node_errors
+from surrogate.learning.measures import node_errors
 
 SHARES = 0.005, 0.02, 0.04  # of the largest displacement
 MS = 1e3  # ms in a second

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from experiments.framework.resources import Resources
 from experiments.measures.latency import prediction
 from surrogate import Surrogate, load
-from surrogate.inference import balance, fit_balance
-from surrogate.probabilistic import Distribution
+from surrogate.learning.inference import balance, fit_balance
+from surrogate.learning.probabilistic import Distribution
 
 HUNDREDTHS_OF_MM = 1e5  # 1e-5 m in a metre
 TOLERANCE = 5e-3  # of the displacement, that directions go on to

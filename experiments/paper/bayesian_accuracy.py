@@ -14,7 +14,7 @@ from experiments.measures.errors_on_test_split import (
     split_errors,
 )
 from experiments.paper.published_numbers import PAPER
-from surrogate.probabilistic import INTERVALS, CalibrationMeasures, measure_calibration
+from surrogate.learning.probabilistic import INTERVALS, CalibrationMeasures, measure_calibration
 
 CASES = ("beam2d", "lshape2d")
 BAYESIAN = tuple(f"{case}-vb" for case in CASES)

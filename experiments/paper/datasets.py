@@ -16,7 +16,7 @@ from experiments.framework.resources import Resources
 from experiments.measures.errors_on_test_split import BODIES
 from experiments.paper.published_numbers import PAPER
 from shared_schema.common.drawing import REFERENCE, UNDEFORMED, make_drawing, make_figure, styled
-from surrogate.data import Geometry
+from surrogate.learning.data import Geometry
 
 NAMES = {"beam2d": "2D beam", "beam2d_f1": "2D beam#"} | BODIES
 OTHERS = (

@@ -15,7 +15,7 @@ from experiments.measures.errors_on_test_split import MM, name_of, split_errors
 from experiments.paper.published_numbers import PAPER
 from shared_schema.common.drawing import make_figure, styled
 from surrogate.figures import CURVES
-from surrogate.measures import displacement_at_load, sample_errors
+from surrogate.learning.measures import displacement_at_load, sample_errors
 
 Array = NDArray[np.float64]
 DETERMINISTIC = ("beam2d-det", "lshape2d-det", "beam3d-det")

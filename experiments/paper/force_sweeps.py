@@ -16,7 +16,7 @@ from experiments.framework.record import Claim, Table
 from experiments.framework.resources import Resources
 from experiments.measures.errors_on_test_split import MM
 from surrogate.figures import sweep_curves
-from surrogate.measures import ForceSweep, force_sweep
+from surrogate.learning.measures import ForceSweep, force_sweep
 
 MATCH = 0.05  # error up to which a prediction matches, relative to the largest displacement
 GROWTH = 0.9  # rank correlation from which uncertainty grows steadily

@@ -13,7 +13,7 @@ from experiments.measures.errors_on_test_split import MM
 from experiments.measures.vertical_force import describe_vertical_force
 from shared_schema.common.drawing import NETWORK, make_figure, styled
 from surrogate.figures import CURVES, deformed_meshes
-from surrogate.measures import Extrapolation, node_errors, sample_errors
+from surrogate.learning.measures import Extrapolation, node_errors, sample_errors
 
 RUNS, LOADS = ("beam2d-det", "beam2d-vb"), "beam2d_away"
 TWO_ORDERS = 10**1.5  # smallest factor that counts as two orders of magnitude, rounded

@@ -15,10 +15,10 @@ from experiments.measures.error_displacement_correlation import (
 from experiments.measures.errors_on_test_split import MM, split_errors
 from experiments.paper.published_numbers import PAPER
 from surrogate import Surrogate
-from surrogate.data import Geometry, NodalSamples
 from surrogate.figures import meshes_and_errors
-from surrogate.measures import Extrapolation, find_example, tip_measures
-from surrogate.measures import measure as measure_errors
+from surrogate.learning.data import Geometry, NodalSamples
+from surrogate.learning.measures import Extrapolation, find_example, tip_measures
+from surrogate.learning.measures import measure as measure_errors
 
 Array = NDArray[np.float64]
 RUN, LOADS = "beam2d-det", "beam2d_multiple"

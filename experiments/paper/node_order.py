@@ -14,7 +14,7 @@ from experiments.measures.errors_on_test_split import MM, split_errors
 from experiments.paper.published_numbers import PAPER, PaperErrors
 from shared_schema import Grid
 from shared_schema.common.drawing import make_figure, styled
-from surrogate.data import Geometry
+from surrogate.learning.data import Geometry
 
 RUNS = {order: f"beam3d_{order}-det" for order in ("preferred", "gmsh", "random")}
 PAPER_ORDERS: dict[str, PaperErrors] = {

@@ -17,9 +17,9 @@ from experiments.measures.errors_on_test_split import BODIES, MM
 from experiments.paper.force_sweeps import GROWTH
 from experiments.paper.published_numbers import PAPER
 from shared_schema.common.drawing import NETWORK, REFERENCE, make_figure, styled
-from surrogate.data import NodalSamples
 from surrogate.figures import OTHER
-from surrogate.measures import Extrapolation, ForceSweep, force_sweep
+from surrogate.learning.data import NodalSamples
+from surrogate.learning.measures import Extrapolation, ForceSweep, force_sweep
 
 Array = NDArray[np.float64]
 NOISY = PAPER.noise.largest_force_newton  # samples under larger forces have no noise in training

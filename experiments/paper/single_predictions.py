@@ -16,9 +16,9 @@ from experiments.measures.error_displacement_correlation import (
 )
 from experiments.measures.errors_on_test_split import BODIES, MM
 from experiments.paper.published_numbers import PAPER, PaperExample
-from surrogate.data import Geometry
 from surrogate.figures import close_up, meshes_and_errors
-from surrogate.measures import find_example, tip_measures
+from surrogate.learning.data import Geometry
+from surrogate.learning.measures import find_example, tip_measures
 
 Array = NDArray[np.float64]
 CLOSE = 0.35  # m, extent of the close-up figures about the load

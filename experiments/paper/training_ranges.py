@@ -11,8 +11,8 @@ from experiments.framework.resources import Resources
 from experiments.measures.errors_on_test_split import MM
 from shared_schema.common.drawing import NETWORK, legend_below, make_figure, styled
 from surrogate.figures import OTHER
-from surrogate.measures import BAND, ForceSweep, force_sweep
-from surrogate.probabilistic import half_width
+from surrogate.learning.measures import BAND, ForceSweep, force_sweep
+from surrogate.learning.probabilistic import half_width
 
 LARGER, SMALLER, SWEEP = "beam2d-vb", "beam2d_f1-vb", "beam2d_sweep"
 FORCES = tuple(range(1, 9))  # rows of the table, in N

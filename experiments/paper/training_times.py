@@ -9,7 +9,7 @@ from experiments.framework.record import Cell, Claim, Table, compare, format_cel
 from experiments.framework.resources import Resources
 from experiments.measures.errors_on_test_split import BODIES, name_of
 from experiments.paper.published_numbers import PAPER
-from surrogate.probabilistic import Likelihood
+from surrogate.learning.probabilistic import Likelihood
 
 PLANE = ("beam2d", "lshape2d")
 RUNS = ("beam2d-det", "beam2d-vb", "lshape2d-det", "lshape2d-vb", "beam3d-det")

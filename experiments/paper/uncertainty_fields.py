@@ -15,10 +15,10 @@ from experiments.measures.errors_on_test_split import MM
 from experiments.measures.vertical_force import describe_vertical_force
 from experiments.paper.multiple_loads import LOADS, find_papers_example
 from experiments.paper.published_numbers import PAPER
-from surrogate.data import Geometry, NodalSamples
 from surrogate.figures import error_beside_uncertainty
-from surrogate.measures import BAND, find_example, node_errors
-from surrogate.probabilistic import Distribution, half_width, rank_correlation
+from surrogate.learning.data import Geometry, NodalSamples
+from surrogate.learning.measures import BAND, find_example, node_errors
+from surrogate.learning.probabilistic import Distribution, half_width, rank_correlation
 
 Array = NDArray[np.float64]
 STRONG = 0.7  # rank correlation from which fields count as strongly correlated

@@ -8,8 +8,8 @@ On the path :math:`u(t) = t h + w(t)` of growing stretch, with w = 0 on the oute
     K w_3 = -f''[u_1, w_2] - \tfrac{1}{6} f'''[u_1, u_1, u_1]
 
 with the derivatives K, f'' and f''' of the internal forces at rest (as
-`surrogate.series.body_series` has them under nodal forces). Of all :math:`h + \sum_k c_k w_k` at
-t = 1 the state is that of the least strain energy; steps of Newton's method correct it.
+`surrogate.mechanics.series.body_series` has them under nodal forces). Of all :math:`h + \sum_k c_k
+w_k` at t = 1 the state is that of the least strain energy; steps of Newton's method correct it.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from experiments.unit_cells.unit_cell import Prediction, UnitCell
 from shared_schema import Grid, NeoHookean
 from shared_schema.materials import ARRAYS, Invariants
-from surrogate.data import Geometry
+from surrogate.learning.data import Geometry
 from surrogate.mechanics import Equilibrium
 
 Array = NDArray[np.float64]

@@ -20,7 +20,7 @@ from torch.nn import functional
 from experiments.unit_cells.unit_cell import FIELDS, Prediction, UnitCell
 from shared_schema import locate
 from shared_schema.common import Progress
-from surrogate.networks import UNet, UNetConfig
+from surrogate.learning.networks import UNet, UNetConfig
 
 Array = NDArray[np.float64]
 POINTS = 64  # of the grid, in each direction

@@ -30,10 +30,10 @@ def add_to(commands: Commands) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Fit the cubature, and write it into the run or a copy."""
-    from surrogate.inference.loading import load
-    from surrogate.inference.modal_cubature import cubature_file, fit_balance
-    from surrogate.runs.folder import RunFolder
-    from surrogate.runs.shelf import copy_run, find_run, require_changeable
+    from surrogate.learning.inference.loading import load
+    from surrogate.learning.inference.modal_cubature import cubature_file, fit_balance
+    from surrogate.learning.runs.folder import RunFolder
+    from surrogate.learning.runs.shelf import copy_run, find_run, require_changeable
 
     require_changeable(options.run, options.out)
     cubature = fit_balance(load(options.run), options.points, options.loads, options.seed)

@@ -53,7 +53,7 @@ def add_to(commands: Commands) -> None:
 def run(options: argparse.Namespace) -> None:
     """Evaluate, write, and print the errors."""
     import surrogate
-    from surrogate.runs.shelf import require_changeable
+    from surrogate.learning.runs.shelf import require_changeable
 
     require_changeable(options.run, options.out)
     published = surrogate.read_published(options.beside) if options.beside else None

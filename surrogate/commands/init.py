@@ -48,7 +48,7 @@ def run(options: argparse.Namespace) -> None:
     import surrogate
     from shared_schema.common.errors import InputError
     from shared_schema.common.solution_file import require_suffix
-    from surrogate.planning.first_configuration import find_data
+    from surrogate.learning.planning.first_configuration import find_data
 
     require_suffix(options.out, (".yaml",))
     require_writable(options.out)

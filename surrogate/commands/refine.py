@@ -37,7 +37,7 @@ def add_to(commands: Commands) -> None:
 def run(options: argparse.Namespace) -> None:
     """Train on, in a new run folder."""
     import surrogate
-    from surrogate.runs.folder import RunFolder
+    from surrogate.learning.runs.folder import RunFolder
 
     require_writable(options.out)
     surrogate.refine(

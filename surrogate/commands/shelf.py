@@ -39,7 +39,7 @@ def run_list(options: argparse.Namespace) -> None:
 def run_shelve(options: argparse.Namespace) -> None:
     """Copy a run into the package."""
     import surrogate
-    from surrogate.runs.shelf import size_of
+    from surrogate.learning.runs.shelf import size_of
 
     folder = surrogate.shelve(options.run, options.name)
     print(f"{folder}: {size_of(folder) / 1e6:.1f} MB")

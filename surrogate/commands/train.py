@@ -62,7 +62,7 @@ def add_to(commands: Commands) -> None:
 def run(options: argparse.Namespace) -> None:
     """Train, and say how far."""
     import surrogate
-    from surrogate.runs.folder import RunFolder
+    from surrogate.learning.runs.folder import RunFolder
 
     config = surrogate.read_config(options.config, changes=options.changes, data=options.data)
     if options.dry_run:

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 from shared_schema.common.drawing.figure_style import legend_below, make_figure, styled
 from surrogate.figures.curve_colours import CURVES
-from surrogate.probabilistic.calibration import CalibrationMeasures
+from surrogate.learning.probabilistic.calibration import CalibrationMeasures
 
 
 @styled

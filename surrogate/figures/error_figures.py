@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from shared_schema.common.drawing.figure_style import NETWORK, REFERENCE, make_figure, styled
 from shared_schema.common.keys.units import SI, Units
 from surrogate.figures.field_figures import NODAL_ERROR, NODAL_STD
-from surrogate.measures.error_metrics import ErrorMeasures
+from surrogate.learning.measures.error_metrics import ErrorMeasures
 
 COUNTS = LinearSegmentedColormap.from_list("counts", ["#c3d2f5", NETWORK, "#0a1a45"])
 Array = NDArray[np.float64]

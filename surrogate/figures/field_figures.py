@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from shared_schema.common.drawing.figure_style import REFERENCE, legend_below, make_figure, styled
 from shared_schema.common.drawing.mesh_drawing import make_drawing
 from shared_schema.common.keys.units import Units
-from surrogate.data.geometry import Geometry
-from surrogate.measures.error_metrics import node_errors
+from surrogate.learning.measures.error_metrics import node_errors
+from surrogate.mechanics.body.geometry import Geometry
 
 NODAL_ERROR = r"nodal error $\|U - u\|_2$"
 NODAL_STD = r"nodal standard deviation $\|\sigma\|_2$"

@@ -19,9 +19,9 @@ from shared_schema.common.drawing.figure_style import (
     styled,
 )
 from shared_schema.common.drawing.mesh_drawing import make_drawing
-from surrogate.data.geometry import Geometry
 from surrogate.figures.field_figures import NODAL_ERROR, drawn
-from surrogate.measures.error_metrics import node_errors
+from surrogate.learning.measures.error_metrics import node_errors
+from surrogate.mechanics.body.geometry import Geometry
 
 Array = NDArray[np.float64]
 PREDICTION = "prediction"  # in a legend

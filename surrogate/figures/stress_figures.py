@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from shared_schema.common.drawing.figure_style import make_figure, styled
 from shared_schema.common.drawing.mesh_drawing import make_drawing
-from surrogate.data.geometry import Geometry
+from surrogate.mechanics.body.geometry import Geometry
 
 Array = NDArray[np.float64]
 

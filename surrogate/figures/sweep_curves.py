@@ -18,9 +18,9 @@ from shared_schema.common.drawing.figure_style import (
 )
 from shared_schema.common.keys.units import SI, Units
 from surrogate.figures.curve_colours import OTHER
-from surrogate.measures.extrapolation import BAND, Extrapolation
-from surrogate.measures.force_sweep import force_sweep
-from surrogate.probabilistic.calibration import half_width
+from surrogate.learning.measures.extrapolation import BAND, Extrapolation
+from surrogate.learning.measures.force_sweep import force_sweep
+from surrogate.learning.probabilistic.calibration import half_width
 
 
 @styled

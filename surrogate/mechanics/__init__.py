@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING
 from shared_schema.common.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from surrogate.mechanics.block_solve import BlockSolve
-    from surrogate.mechanics.compliance import Compliance
-    from surrogate.mechanics.follower_pressure import FollowerPressure
-    from surrogate.mechanics.linear_response import LinearResponse
-    from surrogate.mechanics.load_path import LoadPaths, follow
-    from surrogate.mechanics.newton_steps import NewtonSteps, norms
-    from surrogate.mechanics.out_of_balance import Equilibrium
+    from surrogate.mechanics.equilibrium.block_solve import BlockSolve
+    from surrogate.mechanics.equilibrium.compliance import Compliance
+    from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
+    from surrogate.mechanics.equilibrium.linear_response import LinearResponse
+    from surrogate.mechanics.equilibrium.load_path import LoadPaths, follow
+    from surrogate.mechanics.equilibrium.newton_steps import NewtonSteps, norms
+    from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
+    from surrogate.mechanics.equilibrium.stresses import cell_stresses, reactions
     from surrogate.mechanics.solids.mean_dilation import MeanDilationSolid
     from surrogate.mechanics.solids.solid import Solid
-    from surrogate.mechanics.stresses import cell_stresses, reactions
 
 __all__ = [
     "BlockSolve",

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from shared_schema.common.errors import InputError
-from surrogate.data.case_loads import families_of
-from surrogate.data.elements_of_case import body_of_response
-from surrogate.data.geometry import Geometry
-from surrogate.inference.surrogate import Surrogate
-from surrogate.mechanics.follower_pressure import FollowerPressure
-from surrogate.mechanics.out_of_balance import Equilibrium
-from surrogate.networks.no_network import NoNetwork
+from surrogate.learning.data.case_loads import families_of
+from surrogate.learning.inference.surrogate import Surrogate
+from surrogate.learning.networks.no_network import NoNetwork
+from surrogate.mechanics.body.elements_of_case import body_of_response
+from surrogate.mechanics.body.geometry import Geometry
+from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
+from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from surrogate.page.body_data import band_entries, body_data, sparse_rows, surface_data
 from surrogate.page.surface import surface_of
 

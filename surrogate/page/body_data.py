@@ -1,7 +1,8 @@
 """The mechanics of a body as data: recordings of its materials, elements, supports, surfaces.
 
 The page's script (``web/src/mechanics``) computes with these what `surrogate.mechanics` and
-`surrogate.series` compute, for any material, element and load: it knows no material by name.
+`surrogate.mechanics.series` compute, for any material, element and load: it knows no material by
+name.
 """
 
 from __future__ import annotations
@@ -21,9 +22,9 @@ from shared_schema.common.bodies.quadratic.quadratic_cells import (
 )
 from shared_schema.common.bodies.reference_cells import quadrature, shape_gradients
 from surrogate.mechanics.energy.law import DILATION, Law
+from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
+from surrogate.mechanics.equilibrium.quadratic import QuadraticEquilibrium
 from surrogate.mechanics.matrices.orders import band_order
-from surrogate.mechanics.out_of_balance import Equilibrium
-from surrogate.mechanics.quadratic import QuadraticEquilibrium
 from surrogate.mechanics.solids.deformation import Deformation
 from surrogate.mechanics.solids.taylor_hood import TaylorHoodSolid
 from surrogate.page.recording import Recording

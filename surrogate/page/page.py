@@ -22,18 +22,18 @@ from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.atomic_file import require_writable, write_text
 from shared_schema.common.errors import InputError
 from shared_schema.common.solution_file import require_suffix
-from surrogate.inference.export import require_packages
-from surrogate.inference.loading import load
-from surrogate.inference.stiffness import modulus_at_rest
-from surrogate.inference.surrogate import Surrogate
-from surrogate.networks.no_network import NoNetwork
+from surrogate.learning.inference.export import require_packages
+from surrogate.learning.inference.loading import load
+from surrogate.learning.inference.surrogate import Surrogate
+from surrogate.learning.networks.no_network import NoNetwork
+from surrogate.learning.probabilistic.moments import Moments
+from surrogate.mechanics.body.stiffness import modulus_at_rest
 from surrogate.page.body import BAND, drawn, mechanics_of
 from surrogate.page.bundle import read_bundle
 from surrogate.page.inlined import in_base64, inlined, packed
 from surrogate.page.page_loads import Arrays, load_arrays, page_loads
 from surrogate.page.page_network import NO_NETWORK, page_network
 from surrogate.page.surface_network import fits, surface_arrays, surface_network
-from surrogate.probabilistic.moments import Moments
 
 LARGEST = 25_000_000  # bytes of a page
 BASE64 = 4 / 3  # its characters a byte

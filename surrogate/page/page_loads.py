@@ -14,9 +14,9 @@ from shared_schema.common.bodies.cell_volumes import nodal_volumes
 from shared_schema.common.bodies.cells import boundary_facets
 from shared_schema.common.bodies.surface_patches import SurfacePatches
 from shared_schema.common.errors import InputError
-from surrogate.data.case_loads import families_of, region_of
-from surrogate.data.geometry import Geometry
-from surrogate.inference.surrogate import Surrogate
+from surrogate.learning.data.case_loads import families_of, region_of
+from surrogate.learning.inference.surrogate import Surrogate
+from surrogate.mechanics.body.geometry import Geometry
 from surrogate.page.body_data import sparse_rows
 
 FINGER = 0.05  # of the diagonal and of the largest body force: patch where nothing else acts

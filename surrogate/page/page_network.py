@@ -9,11 +9,11 @@ from pathlib import Path
 import torch
 
 from shared_schema.common.errors import InputError
-from surrogate.inference.export import export_network
-from surrogate.inference.surrogate import Surrogate
-from surrogate.mechanics.compliance import DENSE
-from surrogate.probabilistic.gaussian_parameter import GaussianParameter
-from surrogate.series.series_response import SeriesResponse
+from surrogate.learning.inference.export import export_network
+from surrogate.learning.inference.surrogate import Surrogate
+from surrogate.learning.probabilistic.gaussian_parameter import GaussianParameter
+from surrogate.mechanics.equilibrium.compliance import DENSE
+from surrogate.mechanics.series.series_response import SeriesResponse
 
 PASSES = 30  # of all members together: 20 frames a second in the plane
 FEWEST = 2  # passes of a member; one has no standard deviation

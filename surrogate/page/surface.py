@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from shared_schema.common.bodies.cells import FACETS, boundary_facets
 from shared_schema.common.bodies.surface_edges import edges_of, sharp_edges, smooth_pairs
 from shared_schema.common.errors import InputError
-from surrogate.data.geometry import Geometry
+from surrogate.mechanics.body.geometry import Geometry
 
 Integers = NDArray[np.int32]
 

@@ -3,7 +3,7 @@ r"""The page of a large body: displacements of its surface under some unit loads
 A body whose stiffness is too large to be factorised on a page is drawn as its surface. The unit
 loads f_k are a body force along each axis, if the case has one, and a force along each axis about
 each of some places. Under the load :math:`\sum_k x_k f_k` a reduced network
-(`surrogate.networks.reduced_network`) predicts at the nodes of the surface
+(`surrogate.learning.networks.reduced_network`) predicts at the nodes of the surface
 
 .. math:: U = x S + N(x A) \, V, \qquad S = (U_{lin}(f_k)), \quad A = (Φ^T U_{lin}(f_k))
 
@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from shared_schema.common.errors import InputError
-from surrogate.data.geometry import Geometry
-from surrogate.inference.export import responses, save_function
-from surrogate.inference.surrogate import Surrogate
-from surrogate.networks.free_points import on_grid
-from surrogate.networks.reduced_network import ReducedNetwork
+from surrogate.learning.inference.export import responses, save_function
+from surrogate.learning.inference.surrogate import Surrogate
+from surrogate.learning.networks.free_points import on_grid
+from surrogate.learning.networks.reduced_network import ReducedNetwork
+from surrogate.mechanics.body.geometry import Geometry
 from surrogate.page.page_loads import Arrays, PageLoads, patches_of, volumes_of
 from surrogate.page.page_network import PageNetwork
 

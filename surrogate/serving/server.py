@@ -22,7 +22,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from shared_schema.tools import Mesh
-from surrogate.inference.surrogate import Surrogate
+from surrogate.learning.inference.surrogate import Surrogate
 from surrogate.serving.admission import Admission
 from surrogate.serving.session import Session
 

@@ -39,10 +39,10 @@ from numpy.typing import NDArray
 
 from shared_schema.common.errors import InputError, WorkError
 from shared_schema.tools import Mesh, Tool, parse_tool
-from surrogate.inference.given_load import given_load
-from surrogate.inference.surrogate import Surrogate
-from surrogate.time_limit import OutOfTimeError, TimeLimit
-from surrogate.touch import Grip, Touch
+from surrogate.learning.inference.surrogate import Surrogate
+from surrogate.mechanics.body.given_load import given_load
+from surrogate.mechanics.touch import Grip, Touch
+from surrogate.runtime.time_limit import OutOfTimeError, TimeLimit
 
 Array = NDArray[np.float64]
 Message = Mapping[str, Any]

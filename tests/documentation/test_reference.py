@@ -6,8 +6,8 @@ import shlex
 
 from shared_schema.common.keys.key_list import Key
 from surrogate.command_line import _parser
-from surrogate.models.kinds import KINDS
-from surrogate.models.training_config import TrainingConfig
+from surrogate.learning.models.kinds import KINDS
+from surrogate.learning.models.training_config import TrainingConfig
 from website.key_tables import keys_page
 from website.reference import commands_of, commands_page, pages_of
 

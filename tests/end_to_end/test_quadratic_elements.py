@@ -14,15 +14,15 @@ from shared_schema.common.bodies.command_loads import CommandLoads
 from shared_schema.common.bodies.force_tolerance import ForceTolerance
 from shared_schema.common.errors import InputError
 from shared_schema.materials import NeoHookean
-from surrogate.certify.correction import correct
-from surrogate.certify.full_certificate import certify
-from surrogate.data.geometry import Geometry
-from surrogate.data.nodal_dataset import read_nodal_dataset
-from surrogate.inference.given_load import following
-from surrogate.mechanics.quadratic import QuadraticEquilibrium
-from surrogate.mechanics.stresses import cell_stresses, reactions
-from surrogate.runs.folder import RunFolder
-from surrogate.runs.trained_list import certificates_of
+from surrogate.learning.data.nodal_dataset import read_nodal_dataset
+from surrogate.learning.runs.folder import RunFolder
+from surrogate.learning.runs.trained_list import certificates_of
+from surrogate.mechanics.body.geometry import Geometry
+from surrogate.mechanics.body.given_load import following
+from surrogate.mechanics.certify.correction import correct
+from surrogate.mechanics.certify.full_certificate import certify
+from surrogate.mechanics.equilibrium.quadratic import QuadraticEquilibrium
+from surrogate.mechanics.equilibrium.stresses import cell_stresses, reactions
 from tests.end_to_end.commands import DATAGEN, SURROGATE, execute
 from tests.surrogate.mechanics.bodies import box, end_load
 

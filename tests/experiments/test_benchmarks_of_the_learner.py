@@ -15,9 +15,9 @@ from experiments.benchmarks import benchmark, directions, training
 from experiments.benchmarks.benchmark import stored_record
 from shared_schema import read_manifest
 from shared_schema.common import InputError, Parser
-from surrogate.data import Dataset
-from surrogate.models.unet_model import UNetModel
-from surrogate.networks.unet import UNetConfig
+from surrogate.learning.data import Dataset
+from surrogate.learning.models.unet_model import UNetModel
+from surrogate.learning.networks.unet import UNetConfig
 
 
 def test_both_loops_are_timed(dataset: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,7 +6,7 @@ import pytest
 
 import surrogate
 from experiments.benchmarks.benchmark import stored_record
-from surrogate.runs.shelf import shelved
+from surrogate.learning.runs.shelf import shelved
 
 
 @pytest.mark.parametrize("name", shelved())

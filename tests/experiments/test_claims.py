@@ -14,11 +14,11 @@ import surrogate
 from experiments.benchmarks import claims
 from experiments.benchmarks.benchmark import stored_record
 from experiments.benchmarks.suspect_loads import KINDS, SuspectLoads, critical_factor
-from surrogate.descent import Descent
-from surrogate.inference.body import Body
 from surrogate.mechanics import Equilibrium
-from tests.surrogate.descent.test_claims import grid
+from surrogate.mechanics.body.body import Body
+from surrogate.mechanics.descent import Descent
 from tests.surrogate.mechanics.bodies import MATERIAL
+from tests.surrogate.mechanics.descent.test_claims import grid
 
 
 def test_critical_factor_is_that_of_euler() -> None:

@@ -38,7 +38,7 @@ from experiments.gpu.setting import GpuSetting
 from experiments.gpu.step_profile import by_kind
 from shared_schema.checker import check_dataset
 from shared_schema.common import make_parser
-from surrogate.data import read_dataset
+from surrogate.learning.data import read_dataset
 
 CPU = torch.device("cpu")
 IMPORTED = {"pyyaml": "yaml", "scikit-learn": "sklearn"}

@@ -63,15 +63,15 @@ def test_experiments_use_public_names(path: Path) -> None:
 def test_private_names_are_found() -> None:
     source = (
         "import surrogate\n"
-        "import surrogate.data\n"
-        "from surrogate.data.dataset import Dataset\n"
-        "from surrogate.runs import _seal\n"
+        "import surrogate.learning.data\n"
+        "from surrogate.learning.data.dataset import Dataset\n"
+        "from surrogate.learning.runs import _seal\n"
         "surrogate._MODULES\n"
     )
     assert list(private_uses(source)) == [
-        "import surrogate.data",
-        "from surrogate.data.dataset import Dataset",
-        "from surrogate.runs import _seal",
+        "import surrogate.learning.data",
+        "from surrogate.learning.data.dataset import Dataset",
+        "from surrogate.learning.runs import _seal",
         "surrogate._MODULES",
     ]
-    assert not list(private_uses("import surrogate\nfrom surrogate.data import Dataset"))
+    assert not list(private_uses("import surrogate\nfrom surrogate.learning.data import Dataset"))

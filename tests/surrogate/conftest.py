@@ -26,11 +26,11 @@ from shared_schema.manifest import (
     write_manifest,
 )
 from shared_schema.shard import write_shard
-from surrogate.data import Dataset, read_dataset
-from surrogate.evaluation.run_evaluation import evaluate
-from surrogate.models.unet_model import UNetModel
-from surrogate.probabilistic.likelihoods import Likelihood
-from surrogate.training.loop import train
+from surrogate.learning.data import Dataset, read_dataset
+from surrogate.learning.evaluation.run_evaluation import evaluate
+from surrogate.learning.models.unet_model import UNetModel
+from surrogate.learning.probabilistic.likelihoods import Likelihood
+from surrogate.learning.training.loop import train
 from tests.surrogate.unet_configs import unet_config
 
 SAMPLES, TEST = 60, 12

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from surrogate.measures.force_sweep import ForceSweep
+from surrogate.learning.measures.force_sweep import ForceSweep
 
 
 def hand_made(**changes: Any) -> ForceSweep:

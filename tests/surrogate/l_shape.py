@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from shared_schema.grid import Grid
-from surrogate.data.geometry import Geometry
+from surrogate.mechanics.body.geometry import Geometry
 
 NODE_AT = np.array([[0, 1, 2], [3, 4, 5], [6, 7, -1]])
 L_SHAPE = Geometry(

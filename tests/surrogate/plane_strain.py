@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from shared_schema.stiffness import Stiffness
-from surrogate.data.geometry import Geometry
+from surrogate.mechanics.body.geometry import Geometry
 
 LAM, MU = 500 * 0.4 / (1.4 * 0.2), 500 / 2.8
 CORNERS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])

@@ -8,10 +8,10 @@ from typing import Any
 import torch
 from safetensors.torch import load_file
 
-from surrogate.data.dataset import Dataset
-from surrogate.models.model import Model
-from surrogate.runs.folder import RunFolder
-from surrogate.training.loop import train
+from surrogate.learning.data.dataset import Dataset
+from surrogate.learning.models.model import Model
+from surrogate.learning.runs.folder import RunFolder
+from surrogate.learning.training.loop import train
 
 CPU = torch.device("cpu")
 TIMES = ("seconds", "samples_per_second")

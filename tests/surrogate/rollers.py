@@ -17,9 +17,9 @@ from shared_schema.layout import Arrays
 from shared_schema.manifest import EmbeddingInfo, read_manifest, write_manifest
 from shared_schema.materials import NeoHookean
 from shared_schema.shard import read_shard, write_shard
-from surrogate.certify.correction import correct
-from surrogate.data.geometry import Geometry
-from surrogate.mechanics.out_of_balance import Equilibrium
+from surrogate.mechanics.body.geometry import Geometry
+from surrogate.mechanics.certify.correction import correct
+from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from tests.surrogate.conftest import CELL_TYPES, SHAPES, build, make_mesh
 
 MATERIAL = NeoHookean(young_modulus=500.0, poisson_ratio=0.4)

@@ -6,12 +6,12 @@ from functools import cache
 from typing import Any
 
 from shared_schema.manifest import ComponentStatistics
-from surrogate.data.load_range import LoadRange
-from surrogate.inference.loading import make_surrogate
-from surrogate.inference.surrogate import Surrogate
-from surrogate.runs.description import RunDescription
-from surrogate.runs.folder import RunFolder
-from surrogate.runs.shelf import find_run
+from surrogate.learning.data.load_range import LoadRange
+from surrogate.learning.inference.loading import make_surrogate
+from surrogate.learning.inference.surrogate import Surrogate
+from surrogate.learning.runs.description import RunDescription
+from surrogate.learning.runs.folder import RunFolder
+from surrogate.learning.runs.shelf import find_run
 
 LENGTHS = {"geometry.coordinates", "displacement_rms", "displacement_scale"}
 MODULI = {"young_modulus", "shear_modulus", "bulk_modulus"}

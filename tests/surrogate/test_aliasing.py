@@ -20,7 +20,12 @@ from shared_schema.common.errors import InputError
 from shared_schema.common.keys.units import SI
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.tools import Sphere
-from surrogate.certify import (
+from surrogate.learning.inference.training_range import TrainingRange
+from surrogate.learning.probabilistic.distribution import Distribution
+from surrogate.learning.runs.config_reader import run_config
+from surrogate.mechanics.body.body import Body
+from surrogate.mechanics.body.geometry import Geometry
+from surrogate.mechanics.certify import (
     Bounds,
     Certificate,
     Correction,
@@ -28,13 +33,8 @@ from surrogate.certify import (
     FastEstimate,
     Intervals,
 )
-from surrogate.data.geometry import Geometry
-from surrogate.descent import Descent
-from surrogate.descent.aim import Aim
-from surrogate.inference.body import Body
-from surrogate.inference.training_range import TrainingRange
-from surrogate.probabilistic.distribution import Distribution
-from surrogate.runs.config_reader import run_config
+from surrogate.mechanics.descent import Descent
+from surrogate.mechanics.descent.aim import Aim
 from tests.aliasing import public_functions, public_names, require_no_aliases
 
 Array = NDArray[np.float64]

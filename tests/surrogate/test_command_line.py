@@ -17,8 +17,8 @@ import yaml
 
 import surrogate
 from surrogate.command_line import main
-from surrogate.models.unet_model import UNetModel
-from surrogate.optim.schedule import ScheduleConfig
+from surrogate.learning.models.unet_model import UNetModel
+from surrogate.learning.optim.schedule import ScheduleConfig
 
 AT_ONCE = ("--budget", "1e-12")  # no time for a direction
 
@@ -227,7 +227,7 @@ def test_fast_certificate(
     assert code == 3
     assert "half_width" not in alone  # nothing of 95 %
     for module in ("surrogate", "solving"):
-        monkeypatch.setattr(f"surrogate.inference.{module}.LEVEL", 0.9)
+        monkeypatch.setattr(f"surrogate.learning.inference.{module}.LEVEL", 0.9)
     code, alone = predict_at_corner(run, out)
     assert code == 3
     assert "estimated_error" not in alone
@@ -417,7 +417,7 @@ def test_networks_larger_than_the_memory_are_refused(
     """The first network has 65536 channels at its coarsest level: 39 · 10⁹ weights a kernel."""
     if "pod" in change:  # 46 samples need 85 kB
         monkeypatch.setattr("shared_schema.common.memory.available_memory", lambda: 80_000)
-        monkeypatch.setattr("surrogate.data.dataset.require_memory", lambda *_: None)
+        monkeypatch.setattr("surrogate.learning.data.dataset.require_memory", lambda *_: None)
     path = tmp_path / "large.yaml"
     path.write_text(yaml.safe_dump({"name": "large", "case": "beam2d", **change}))
     arguments = ["train", path, "--data", data, "--out", out / "run", "--device", "cpu"]
@@ -468,9 +468,9 @@ def test_lack_of_memory_is_failed_work(
 
     command = ["predict", str(trained), "--load", "3.5,1.5:0,1", "--out", str(out / "u.npz")]
     for place in (
-        "surrogate.inference.loading.make_surrogate",
-        "surrogate.runs.tensor_file.safe_open",
-        "surrogate.inference.surrogate.Surrogate.averaged_passes",
+        "surrogate.learning.inference.loading.make_surrogate",
+        "surrogate.runtime.tensor_file.safe_open",
+        "surrogate.learning.inference.surrogate.Surrogate.averaged_passes",
     ):
         with monkeypatch.context() as patch:
             patch.setattr(place, fail)

@@ -15,8 +15,8 @@ import pytest
 import yaml
 
 from surrogate.command_line import main
-from surrogate.models.unet_model import UNetModel
-from surrogate.runs.folder import RunFolder
+from surrogate.learning.models.unet_model import UNetModel
+from surrogate.learning.runs.folder import RunFolder
 from tools.small_disk import SmallDisk
 
 pytestmark = pytest.mark.faults
@@ -125,7 +125,7 @@ def test_figures_that_a_killed_process_left_half_written_are_removed(
 WAITING = """
 import sys, time
 from surrogate.command_line import main
-from surrogate.training import trainer
+from surrogate.learning.training import trainer
 epoch = trainer.Trainer.train_epoch
 def waiting(*arguments):
     if arguments[1] == 1:

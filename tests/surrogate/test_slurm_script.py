@@ -12,9 +12,9 @@ import pytest
 import yaml
 
 from surrogate.command_line import _parser
-from surrogate.models.model import Model
-from surrogate.models.unet_model import UNetModel
-from surrogate.runs.folder import RunFolder
+from surrogate.learning.models.model import Model
+from surrogate.learning.models.unet_model import UNetModel
+from surrogate.learning.runs.folder import RunFolder
 from tests.surrogate.resuming import untimed
 from tools.slurm import JOB, NODE_LIST, SlurmJob, expanded, finish, sbatch_options, terminate_when
 
@@ -26,7 +26,7 @@ HELD = """
 import sys, time
 from pathlib import Path
 from surrogate.command_line import main
-from surrogate.training import trainer
+from surrogate.learning.training import trainer
 epoch = trainer.Trainer.train_epoch
 def wait_and_train(*arguments):
     while arguments[1] == 3 and Path("gate").exists():

@@ -24,8 +24,8 @@ PRELOADED = {  # nothing that begins MPI or starts threads
     "surrogate": (
         "torch",
         "surrogate",
-        "surrogate.training.loop",
-        "surrogate.evaluation.run_evaluation",
+        "surrogate.learning.training.loop",
+        "surrogate.learning.evaluation.run_evaluation",
     ),
 }
 OWN = {

@@ -34,8 +34,8 @@ from scipy.sparse.linalg import SuperLU, splu
 from torch import Tensor
 
 from shared_schema.common.bodies.quadratic.quadratic_cells import quadratic_quadrature
-from surrogate.mechanics.block_solve import SparseProduct
 from surrogate.mechanics.energy.law import law_of
+from surrogate.mechanics.equilibrium.block_solve import SparseProduct
 from surrogate.mechanics.matrices.cell_matrices import sum_of_cells
 from surrogate.mechanics.solids.deformation import determinant
 from surrogate.mechanics.solids.solid import Points, Solid

@@ -27,10 +27,10 @@ from experiments.measures.corrections import (
     ZERO,
     newton_starts,
 )
-from surrogate.certify.correction import correct
-from surrogate.certify.full_certificate import certify
-from surrogate.inference.loading import load
-from surrogate.mechanics.out_of_balance import Equilibrium
+from surrogate.learning.inference.loading import load
+from surrogate.mechanics.certify.correction import correct
+from surrogate.mechanics.certify.full_certificate import certify
+from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from tests.surrogate.mechanics.bodies import MATERIAL as RUBBER
 from tests.surrogate.mechanics.bodies import box, end_load
 

@@ -29,9 +29,9 @@ from experiments.measures.predicted_samples import (
     distance_from,
     distance_groups,
 )
-from surrogate.data import Dataset
-from surrogate.data.geometry import Geometry
-from surrogate.probabilistic.distribution import Distribution
+from surrogate.learning.data import Dataset
+from surrogate.learning.probabilistic.distribution import Distribution
+from surrogate.mechanics.body.geometry import Geometry
 
 Array = NDArray[np.float64]
 

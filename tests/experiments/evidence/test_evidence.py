@@ -14,7 +14,7 @@ from shared_schema.common import InputError
 ONE = {
     "requirement": "Coverage is right.",
     "held": "beta",
-    "tests": ["surrogate/certify/test_conformal.py::test_marginal_coverage_is_beta"],
+    "tests": ["surrogate/mechanics/certify/test_conformal.py::test_marginal_coverage_is_beta"],
 }
 
 

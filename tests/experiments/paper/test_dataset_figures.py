@@ -4,7 +4,7 @@ import numpy as np
 
 from experiments.paper.datasets import draw_padding
 from shared_schema.grid import Grid
-from surrogate.data.geometry import Geometry
+from surrogate.mechanics.body.geometry import Geometry
 
 
 def test_every_node_stands_in_its_mesh_and_on_its_grid_point() -> None:

@@ -17,7 +17,7 @@ from experiments.paper.loads_away import (
     low_claim,
     uncertainty_claim,
 )
-from surrogate.measures.extrapolation import Extrapolation
+from surrogate.learning.measures.extrapolation import Extrapolation
 
 
 def three_nodes() -> Extrapolation:

@@ -17,8 +17,8 @@ from experiments.paper.noisy_data import (
     unreliable,
     without_noise,
 )
-from surrogate.data.nodal_dataset import NodalSamples
-from surrogate.measures.force_sweep import ForceSweep
+from surrogate.learning.data.nodal_dataset import NodalSamples
+from surrogate.learning.measures.force_sweep import ForceSweep
 from tests.surrogate.force_sweeps import hand_made
 
 FORCE = np.arange(-80, 81) * 0.05

@@ -14,7 +14,7 @@ from experiments.framework.scale import read_scale
 from experiments.measures import latency
 from experiments.measures.solutions import read_solutions
 from experiments.paper.catalogue import REPRODUCTION
-from surrogate.probabilistic.gaussian_parameter import GaussianParameter
+from surrogate.learning.probabilistic.gaussian_parameter import GaussianParameter
 
 
 class Clock:

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from shared_schema.common.drawing.figure_style import save
-from surrogate.data.dataset import Dataset
+from surrogate.learning.data.dataset import Dataset
 
 
 def assert_is_picture(figure: Figure, folder: Path) -> None:

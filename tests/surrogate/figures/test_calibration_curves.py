@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from surrogate.figures.calibration_curves import calibration_curves
-from surrogate.probabilistic.calibration import CalibrationMeasures, measure_calibration
+from surrogate.learning.probabilistic.calibration import CalibrationMeasures, measure_calibration
 from tests.surrogate.figures.pictures import assert_is_picture
 
 

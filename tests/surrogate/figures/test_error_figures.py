@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from surrogate.data.dataset import Dataset
 from surrogate.figures.error_figures import error_over_displacement, error_over_uncertainty
-from surrogate.measures.error_metrics import measure
+from surrogate.learning.data.dataset import Dataset
+from surrogate.learning.measures.error_metrics import measure
 from tests.surrogate.figures.pictures import assert_is_picture, nodal_test
 
 # Two samples of three nodes in the plane, in m; norms by the triple 3, 4, 5.

@@ -5,14 +5,14 @@ from pathlib import Path
 import numpy as np
 
 from shared_schema.common.drawing.deformed_figure import deformed_figure
-from surrogate.data.dataset import Dataset
-from surrogate.data.elements_of_case import with_elements
 from surrogate.figures.field_figures import (
     error_beside_certificate,
     error_field,
     uncertainty_field,
 )
 from surrogate.figures.stress_figures import von_mises_beside_reference
+from surrogate.learning.data.dataset import Dataset
+from surrogate.mechanics.body.elements_of_case import with_elements
 from tests.surrogate.figures.pictures import assert_is_picture, nodal_test
 
 

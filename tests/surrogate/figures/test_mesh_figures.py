@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from surrogate.data.dataset import Dataset
 from surrogate.figures.field_figures import NODAL_ERROR
 from surrogate.figures.mesh_figures import close_up, deformed_meshes, meshes_and_errors
+from surrogate.learning.data.dataset import Dataset
 from tests.surrogate.figures.pictures import assert_is_picture, nodal_test
 
 

@@ -8,10 +8,10 @@ import numpy as np
 
 from shared_schema.grid import Grid
 from shared_schema.materials import NeoHookean
-from surrogate.data.dataset import Dataset
-from surrogate.data.geometry import Geometry
-from surrogate.data.samples import Samples
-from surrogate.series.series_response import SeriesResponse
+from surrogate.learning.data.dataset import Dataset
+from surrogate.learning.data.samples import Samples
+from surrogate.mechanics.body.geometry import Geometry
+from surrogate.mechanics.series.series_response import SeriesResponse
 from tests.surrogate.conftest import box_cells
 
 MATERIAL = NeoHookean(young_modulus=500, poisson_ratio=0.4)

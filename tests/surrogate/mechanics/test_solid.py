@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from shared_schema.materials import NeoHookean
-from surrogate.data.geometry import Geometry
+from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.solids.solid import Solid
 from tests.surrogate.mechanics.bodies import MATERIAL, box
 from tests.surrogate.plane_strain import plane_strain_stiffness

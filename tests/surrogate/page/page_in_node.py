@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.mechanics.out_of_balance import Equilibrium
+from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from surrogate.page.body_data import body_data, surface_data
 
 Array = NDArray[np.float64]

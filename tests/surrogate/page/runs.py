@@ -8,10 +8,10 @@ from typing import Any
 
 import torch
 
-from surrogate.data.dataset import Dataset
-from surrogate.data.geometry import Geometry
-from surrogate.runs.description import describe
-from surrogate.runs.folder import RunFolder
+from surrogate.learning.data.dataset import Dataset
+from surrogate.learning.runs.description import describe
+from surrogate.learning.runs.folder import RunFolder
+from surrogate.mechanics.body.geometry import Geometry
 from tests.surrogate.mechanics.bodies import TETRAHEDRA, TRIANGLES
 from tests.surrogate.unet_configs import unet_config
 

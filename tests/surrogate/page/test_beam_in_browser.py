@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from surrogate.command_line import main
-from surrogate.inference.loading import load
-from surrogate.inference.surrogate import Surrogate
+from surrogate.learning.inference.loading import load
+from surrogate.learning.inference.surrogate import Surrogate
 from surrogate.page.page import write_page
 from tests.surrogate.page.browser import OpenPage
 

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from surrogate.data.dataset import Dataset
-from surrogate.inference.given_load import given_load
-from surrogate.inference.loading import load
+from surrogate.learning.data.dataset import Dataset
+from surrogate.learning.inference.loading import load
+from surrogate.learning.training.loop import train
+from surrogate.mechanics.body.given_load import given_load
 from surrogate.page.page import write_page
-from surrogate.training.loop import train
-from tests.surrogate.inference.test_export import embedded
+from tests.surrogate.learning.inference.test_export import embedded
 from tests.surrogate.page.browser import OpenPage
 from tests.surrogate.page.runs import LINEAR, as_simplices, untrained
 from tests.surrogate.rollers import held_components

@@ -10,18 +10,18 @@ import torch
 from numpy.typing import NDArray
 
 from shared_schema.grid import Grid
-from surrogate.certify.correction import correct
-from surrogate.certify.full_certificate import certify
-from surrogate.data.geometry import Geometry
-from surrogate.mechanics.follower_pressure import FollowerPressure
-from surrogate.mechanics.out_of_balance import Equilibrium
+from surrogate.mechanics.body.geometry import Geometry
+from surrogate.mechanics.certify.correction import correct
+from surrogate.mechanics.certify.full_certificate import certify
+from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
+from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
+from surrogate.mechanics.series.body_series import BodySeries
+from surrogate.mechanics.series.pressure_terms import PressedFacets
 from surrogate.mechanics.solids.changes import Stresses
-from surrogate.series.body_series import BodySeries
-from surrogate.series.pressure_terms import PressedFacets
 from tests.surrogate.conftest import box_cells
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
+from tests.surrogate.mechanics.series.test_body_series import ELEMENTS, MATERIALS, body, upper_side
 from tests.surrogate.page.page_in_node import PageInNode
-from tests.surrogate.series.test_body_series import ELEMENTS, MATERIALS, body, upper_side
 
 Array = NDArray[np.float64]
 ORDER = 5

@@ -17,19 +17,19 @@ import torch
 
 from shared_schema.common.errors import InputError
 from surrogate.command_line import main
-from surrogate.data.dataset import Dataset
-from surrogate.inference.export import responses
-from surrogate.inference.loading import load
-from surrogate.mechanics.linear_response import LinearResponse
+from surrogate.learning.data.dataset import Dataset
+from surrogate.learning.inference.export import responses
+from surrogate.learning.inference.loading import load
+from surrogate.learning.runs.config_reader import read_config
+from surrogate.learning.training.loop import train
+from surrogate.mechanics.equilibrium.linear_response import LinearResponse
 from surrogate.page import body, bundle
 from surrogate.page import page as page_module
 from surrogate.page.body import mechanics_of, spread_of
 from surrogate.page.inlined import inlined, packed
 from surrogate.page.page import write_page
 from surrogate.page.page_network import fitting_passes, page_network
-from surrogate.runs.config_reader import read_config
-from surrogate.training.loop import train
-from tests.surrogate.inference.test_export import embedded
+from tests.surrogate.learning.inference.test_export import embedded
 from tests.surrogate.page.runs import LINEAR, untrained
 
 BUNDLE = {"page.js": "let page;", "page.css": "body {}"}
@@ -141,7 +141,7 @@ def test_body_too_large_for_a_series_on_the_page(
 ) -> None:
     series = {"inputs": ["force", "linear_gradient", "last_gradient"], "skip": "series"}
     run = untrained(tmp_path / "run", dataset, dataset.geometry, series)
-    monkeypatch.setattr("surrogate.mechanics.compliance.DENSE", 10)
+    monkeypatch.setattr("surrogate.mechanics.equilibrium.compliance.DENSE", 10)
     with pytest.raises(InputError, match="the network's load series needs a body of at most"):
         page_network(load(run), 10**7)
 

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from surrogate.data.dataset import Dataset
-from surrogate.inference.loading import load
-from surrogate.inference.surrogate import Surrogate
+from surrogate.learning.data.dataset import Dataset
+from surrogate.learning.inference.loading import load
+from surrogate.learning.inference.surrogate import Surrogate
 from surrogate.page.page_loads import FINGER, load_arrays, page_loads, patches_of
 from tests.surrogate.page.runs import untrained
 

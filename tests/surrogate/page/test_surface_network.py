@@ -12,9 +12,10 @@ import pytest
 import torch
 
 from shared_schema.common.errors import InputError
-from surrogate.data.dataset import Dataset
-from surrogate.inference.given_load import given_load
-from surrogate.inference.loading import load
+from surrogate.learning.data.dataset import Dataset
+from surrogate.learning.inference.loading import load
+from surrogate.learning.training.loop import train
+from surrogate.mechanics.body.given_load import given_load
 from surrogate.page import body
 from surrogate.page.page import write_page
 from surrogate.page.page_loads import page_loads
@@ -26,7 +27,6 @@ from surrogate.page.surface_network import (
     surface_network,
     unit_loads,
 )
-from surrogate.training.loop import train
 from tests.surrogate.page.browser import OpenPage
 
 pytestmark = pytest.mark.filterwarnings("ignore::surrogate.OutsideTrainingWarning")

@@ -21,9 +21,10 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
-from surrogate.inference.given_load import given_load
-from surrogate.inference.loading import load
-from surrogate.inference.surrogate import Surrogate
+from surrogate.learning.inference.loading import load
+from surrogate.learning.inference.surrogate import Surrogate
+from surrogate.mechanics.body.given_load import given_load
+from surrogate.runtime.time_limit import require_time
 from surrogate.serving.admission import Admission
 from surrogate.serving.server import (
     CLIENTS,
@@ -33,7 +34,6 @@ from surrogate.serving.server import (
     Server,
     serve_forever,
 )
-from surrogate.time_limit import require_time
 
 SURROGATE = Path(sys.executable).with_name("surrogate")
 HANDSHAKE = (  # with the key of RFC 6455

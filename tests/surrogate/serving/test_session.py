@@ -11,8 +11,8 @@ import pytest
 
 import surrogate
 from shared_schema.tools import Sphere
+from surrogate.runtime.time_limit import OutOfTimeError, TimeLimit
 from surrogate.serving import Session
-from surrogate.time_limit import OutOfTimeError, TimeLimit
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-/** Loads unlike those of the training, as `surrogate/inference/training_range.py` tells them. */
+/** Loads unlike those of the training, as `surrogate/learning/inference/training_range.py` tells them. */
 
 import { asForce } from "./units";
 

@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from surrogate.mechanics.compiled import cells
-from surrogate.mechanics.out_of_balance import Equilibrium
-from tests.surrogate.series.test_body_series import ELEMENTS, MATERIALS, body
+from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
+from tests.surrogate.mechanics.series.test_body_series import ELEMENTS, MATERIALS, body
 
 BODIES = [
     *((element, each, "two") for element, some in ELEMENTS.items() for each in some),

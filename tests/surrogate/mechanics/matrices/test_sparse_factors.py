@@ -8,13 +8,13 @@ import torch
 from numpy.typing import NDArray
 
 from shared_schema.materials import NeoHookean
-from surrogate.certify.correction import correct
-from surrogate.certify.fast_estimate import FastEstimate
-from surrogate.descent import DrivenBody
-from surrogate.descent.carried_compliance import CarriedCompliance
-from surrogate.mechanics.compliance import Compliance
+from surrogate.mechanics.certify.correction import correct
+from surrogate.mechanics.certify.fast_estimate import FastEstimate
+from surrogate.mechanics.descent import DrivenBody
+from surrogate.mechanics.descent.carried_compliance import CarriedCompliance
+from surrogate.mechanics.equilibrium.compliance import Compliance
+from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from surrogate.mechanics.matrices import layout
-from surrogate.mechanics.out_of_balance import Equilibrium
 from tests.surrogate.mechanics.bodies import box, end_load
 
 MATERIAL = NeoHookean(young_modulus=500.0, poisson_ratio=0.4)
@@ -95,7 +95,7 @@ def test_corrections_estimates_and_directions(banded: Equilibrium, sparse: str) 
 
 
 def test_compliance_of_a_large_body(sparse: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("surrogate.mechanics.compliance.DENSE", 0)
+    monkeypatch.setattr("surrogate.mechanics.equilibrium.compliance.DENSE", 0)
     large = Compliance(box("tetra"), MATERIAL)
     monkeypatch.undo()
     small = Compliance(box("tetra"), MATERIAL)

@@ -1,5 +1,5 @@
 /**
- * How wrong a prediction is, without the true displacement, as `surrogate/certify/full_certificate.py`:
+ * How wrong a prediction is, without the true displacement, as `surrogate/mechanics/certify/full_certificate.py`:
  *
  *   u − u_true ≈ −(δ + δ̄),  δ = −K(u)⁻¹ r(u),  δ̄ = −K(u)⁻¹ r(u + δ)
  *
@@ -92,7 +92,7 @@ function ratio(following: number, first: number): number {
   return first === 0 ? 0 : following / first;
 }
 
-/** Search along a step by Armijo's rule, as `surrogate/certify/correction.py`; null if Π does not decrease. */
+/** Search along a step by Armijo's rule, as `surrogate/mechanics/certify/correction.py`; null if Π does not decrease. */
 export function searched(
   equilibrium: Equilibrium,
   f: Float64Array,

@@ -1,5 +1,5 @@
 /**
- * Equilibrium of the body under forces and pressures, as `surrogate/mechanics/out_of_balance.py`:
+ * Equilibrium of the body under forces and pressures, as `surrogate/mechanics/equilibrium/out_of_balance.py`:
  *
  *   r(u) = f_int(u) − f − f_p(u),  Π(u) = E(u) − f·u,  δ(u) = −K(u)⁻¹ r(u)
  *

@@ -1,5 +1,5 @@
 /**
- * The load series of a body, as `surrogate/series/body_series.py`:
+ * The load series of a body, as `surrogate/mechanics/series/body_series.py`:
  *
  *   u = Σ_k c_k u_k,  K u_1 = f + f_{p,1},  K u_k = f_{p,k} − Σ_q w_q P̂_k G,  u_k · r(u) = 0
  *

@@ -1,4 +1,4 @@
-/** Points of elements between the nodes, as `surrogate/mechanics/quadratic.py`. */
+/** Points of elements between the nodes, as `surrogate/mechanics/equilibrium/quadratic.py`. */
 
 import { searched } from "./certificate";
 import { Equilibrium } from "./equilibrium";

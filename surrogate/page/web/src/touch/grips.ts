@@ -1,6 +1,6 @@
 /**
  * Held loads: their forces g, under which places are displaced as is wanted, by Broyden's method as
- * in `surrogate/touch/grip.py`, a step a frame:
+ * in `surrogate/mechanics/touch/grip.py`, a step a frame:
  *
  *   r = ū − u_H(f + g),  g ← g + B r,  B ← B + (s − B y) (sᵀ B) / (sᵀ B y)
  *

@@ -1,5 +1,5 @@
 /**
- * What forces do to the body, as far as predictions have told, as `surrogate/touch/linear_body.py`:
+ * What forces do to the body, as far as predictions have told, as `surrogate/mechanics/touch/linear_body.py`:
  *
  *   δu = C δf,  C = K⁻¹ + Σ ± v vᵀ
  *

@@ -1,5 +1,5 @@
 /**
- * Contact of a linear body with a rigid sphere, as `surrogate/touch/linear_contact.py`: Newton's
+ * Contact of a linear body with a rigid sphere, as `surrogate/mechanics/touch/linear_contact.py`: Newton's
  * method around complementarity problems,
  *
  *   δf = (I − Λ H C)⁻¹ (λ n − f + n δλ),  0 ≤ λ + δλ ⊥ g + nᵀ C δf ≥ 0

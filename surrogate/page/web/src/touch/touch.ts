@@ -1,5 +1,5 @@
 /**
- * A sphere that pushes the body: its forces, sought as in `surrogate/touch/touch.py`, a prediction a
+ * A sphere that pushes the body: its forces, sought as in `surrogate/mechanics/touch/touch.py`, a prediction a
  * frame. The sphere goes to where it shall be in steps that the body can follow.
  */
 

@@ -1,6 +1,0 @@
-"""Baselines for the networks: a linear map, and orthogonal modes with a regression."""
-
-from surrogate.baselines.linear_map import LinearMap
-from surrogate.baselines.pod import GaussianProcessConfig, PODNetwork, RidgeConfig
-
-__all__ = ["GaussianProcessConfig", "LinearMap", "PODNetwork", "RidgeConfig"]

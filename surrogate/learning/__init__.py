@@ -1,0 +1,1 @@
+"""What samples add to a body: data, networks, training, runs, evaluation, and their predictions."""

@@ -1,0 +1,57 @@
+"""Use of a trained network: load it, predict, certify and correct one load, export it.
+
+=====================  ========================================================================
+`loading`              a network from a run folder, or from the package
+`surrogate`            a body and its predictor: `Surrogate`
+`solving`              what its `solve` does with a load
+`body`                 the body alone: equilibrium, stresses and reactions
+`given_load`           the load that `solve` takes: arrays, or texts and files of a command
+`prediction`           displacements under loads, by a series or a network
+`solution`             what `solve` returns; its figure is `solution_figure`
+`stiffness`            another Young's modulus than that of the run
+`training_range`       warnings about forces unlike those of the training
+`calibrated_bounds`    intervals and bounds of a run, on samples it has not seen
+`fresh_loads`          random load cases of a run: those of its training, or around them
+`load_calibration`     bounds of a run without a dataset, on corrected random loads
+`touched_region`       columns of the compliance at the nodes that tools reach
+`modal_cubature`       the least energy in the modes of a reduced network: `surrogate balance`
+`proposal`             load cases that a network predicts worst
+`export`               a file for other programs: ONNX or ``.pt2``
+=====================  ========================================================================
+"""
+
+from typing import TYPE_CHECKING
+
+from shared_schema.common.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from surrogate.learning.inference.calibrated_bounds import (
+        HeldOut,
+        fit_fast_certificate,
+        fit_on_samples,
+    )
+    from surrogate.learning.inference.export import NodalFunction, fixed_directions
+    from surrogate.learning.inference.fresh_loads import drawn_loads
+    from surrogate.learning.inference.loading import load
+    from surrogate.learning.inference.modal_cubature import balance, fit_balance
+    from surrogate.learning.inference.proposal import farthest
+    from surrogate.learning.inference.surrogate import Surrogate
+    from surrogate.learning.inference.training_range import OutsideTrainingWarning
+    from surrogate.mechanics.body.given_load import separated
+
+__all__ = [
+    "HeldOut",
+    "NodalFunction",
+    "OutsideTrainingWarning",
+    "Surrogate",
+    "balance",
+    "drawn_loads",
+    "farthest",
+    "fit_balance",
+    "fit_fast_certificate",
+    "fit_on_samples",
+    "fixed_directions",
+    "load",
+    "separated",
+]
+__getattr__, __dir__ = lazy_names(__name__)

@@ -1,0 +1,184 @@
+"""The prediction of a trained network or load series, one for arrays, tensors and distributions."""
+
+from __future__ import annotations
+
+import warnings
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from torch import Tensor
+
+from shared_schema.common.errors import InputError
+from surrogate.learning.models.batched_prediction import BatchedPrediction
+from surrogate.learning.models.kinds import RunConfig
+from surrogate.learning.models.series_model import SeriesModel
+from surrogate.learning.networks.field_network import FieldNetwork
+from surrogate.learning.networks.held_nodes import HeldNodes
+from surrogate.learning.networks.nodal_network import NodalNetwork
+from surrogate.learning.networks.reduced_at_nodes import ReducedAtNodes
+from surrogate.learning.probabilistic.distribution import Distribution
+from surrogate.learning.probabilistic.stochastic_passes import PASSES, Passes
+from surrogate.mechanics.body.body import Body, Remade
+from surrogate.mechanics.body.given_load import separated, without_pressure
+from surrogate.mechanics.descent.aim import Aim, UnreachedToleranceWarning
+from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
+from surrogate.mechanics.series.body_series import BodySeries
+from surrogate.mechanics.series.series_response import SeriesResponse
+
+Array = NDArray[np.float64]
+
+
+class Predictor(Remade):
+    """Loads of a body to displacements at its nodes.
+
+    Parameters
+    ----------
+    network : FieldNetwork
+        In evaluation.
+    body : Body
+    run : RunConfig
+
+    Attributes
+    ----------
+    network : NodalNetwork
+    passes : Passes
+    batched : BatchedPrediction
+        The network in PyTorch, on any device: what is not a load series, nor a reduced network on
+        the CPU that predicts no standard deviations.
+    """
+
+    def __init__(self, network: FieldNetwork, body: Body, run: RunConfig) -> None:
+        self.body, self._run, self._linear = body, run, network.linear
+        geometry = body.geometry
+        self._nodes, self._device = len(geometry.coordinates), network.free.device
+        held = None if geometry.grid.points_are_nodes else HeldNodes(geometry)
+        nodal = NodalNetwork(network, geometry.grid, held)
+        self.network, self.passes = nodal.to(self._device), Passes(network)
+        points = geometry.grid.mask.size
+        self.batched = BatchedPrediction(self.network, self.passes, run, points)
+
+    @cached_property
+    def series(self) -> BodySeries | None:
+        """The load series of the body at all of its points; None if the run's is not one."""
+        run, linear = self._run, self._linear
+        if not isinstance(run, SeriesModel) or not isinstance(linear, SeriesResponse):
+            return None
+        return linear.series
+
+    @cached_property
+    def at_nodes(self) -> ReducedAtNodes | None:
+        """A reduced network on the CPU that is not stochastic, or None."""
+        known = not self.passes.differ and ReducedAtNodes.fits(self.network)
+        return ReducedAtNodes(self.network) if known else None
+
+    def respond(self, loads: Array, pressure: ArrayLike | None = None) -> tuple[Array, Array]:
+        """Predict, and tell what the last term of a load series adds.
+
+        Parameters
+        ----------
+        loads : array, (n_nodes or n_points, d) or with N before
+            Checked loads in N, as those of `Surrogate.certify`.
+        pressure : array, (n_surfaces,) or (N, n_surfaces), optional
+            As that of `Surrogate.certify`; by default, the pressures that the forces tell. Matters
+            to a load series alone.
+
+        Returns
+        -------
+        array, (n_nodes, d) or with N before
+            Displacements in m.
+        array, (N,)
+            Largest displacement of the last term in m; infinite unless a series is all there is.
+        """
+        if self.series is None:
+            return self.under(loads, None, loads)
+        dead, follows = self._told_apart(loads, pressure)
+        return self.under(dead, follows, loads)
+
+    def under(
+        self, dead: Array, pressure: FollowerPressure | None, loads: Array
+    ) -> tuple[Array, Array]:
+        """Do what `respond` does, where dead loads and pressures of the load cases are known."""
+        nodal = loads[..., : self._nodes, :]
+        samples = nodal.reshape(-1, *nodal.shape[-2:])
+        last = np.full(len(samples), np.inf)
+        if not len(samples):
+            return nodal.copy(), last
+        if self.series is not None:
+            forces = dead.reshape(-1, *dead.shape[-2:])
+            of_points = self.body.equilibrium.forces_at_points(forces)
+            found, last = self.series.predicted(of_points, pressure)
+            found = found[:, : nodal.shape[-2]]
+        elif self.at_nodes is not None:
+            found = self.at_nodes(samples)
+        else:
+            found = self.batched.distribution(samples, PASSES, 0).mean
+        return found.reshape(nodal.shape), last
+
+    def driven(self, loads: Array, aim: Aim, pressure: ArrayLike | None) -> Array:
+        """Predict as `respond` does, and drive load by load towards the equilibrium."""
+        body = self.body
+        dead, follows = without_pressure(body.geometry, loads, pressure)
+        nodal, found, missed = loads[..., : len(body.geometry.coordinates), :], [], []
+        mean, last = self.under(dead, follows, loads)
+        each = (fields.reshape(-1, *fields.shape[-2:]) for fields in (dead, mean))
+        for number, (force, predicted, remainder) in enumerate(zip(*each, last, strict=True)):
+            one = None if follows is None else follows[slice(number, number + 1)]
+            displacement, descent = body.descend(force, one, predicted, aim, float(remainder))
+            found.append(displacement)
+            if descent.reached is False:
+                missed.append(f"load {number}: {descent.refusal(body.units)}")
+        if missed:
+            others = f", and {len(missed) - 1} other loads" if len(missed) > 1 else ""
+            warnings.warn(missed[0] + others, UnreachedToleranceWarning, stacklevel=4)
+        return np.array(found).reshape(nodal.shape)
+
+    def distribution(self, loads: Array, passes: int, seed: int) -> Distribution:
+        """Predict means and standard deviations in m of checked loads; σ is 0 if there is none."""
+        if not self.is_probabilistic and (self.series is not None or self.at_nodes is not None):
+            return certain(self.respond(loads)[0])
+        nodal = loads[..., : self._nodes, :]
+        samples = nodal.reshape(-1, *nodal.shape[-2:])
+        return self.batched.distribution(samples, passes, seed).reshaped(nodal.shape)
+
+    def differentiable(self, forces: Tensor) -> Tensor:
+        """Predict means in m of checked loads, which require gradients, of their precision."""
+        nodal = forces[..., : self._nodes, :]
+        samples = nodal.reshape(-1, *nodal.shape[-2:]).to(self._device)
+        return self.batched.mean(samples, PASSES, 0).reshape(nodal.shape).to(forces.device)
+
+    @property
+    def is_stochastic(self) -> bool:
+        """True if passes differ from each other."""
+        return self.passes.differ
+
+    @property
+    def is_probabilistic(self) -> bool:
+        """True if the network predicts standard deviations."""
+        return self.is_stochastic or self._run.predicts_std
+
+    def _told_apart(
+        self, loads: Array, pressure: ArrayLike | None
+    ) -> tuple[Array, FollowerPressure | None]:
+        """Dead loads, and pressures that are given or, if they can be, told from the loads."""
+        geometry = self.body.geometry
+        if pressure is not None or not geometry.surfaces:
+            return without_pressure(geometry, loads, pressure)
+        dead, follows = separated(geometry, loads.reshape(-1, *loads.shape[-2:]))
+        return dead.reshape(loads.shape), follows
+
+
+def certain(mean: Array) -> Distribution:
+    """Means without standard deviations."""
+    return Distribution(mean, np.zeros_like(mean), np.zeros_like(mean))
+
+
+def given_aim(
+    tolerance: float | None, budget: float | None, pressure: ArrayLike | None
+) -> Aim | None:
+    """Return what directions aim at; None if there are to be none. InputError if it is wrong."""
+    if tolerance is None and budget is None:
+        if pressure is not None:
+            raise InputError("pressure: expected beside a tolerance or a budget")
+        return None
+    return Aim(tolerance, budget)

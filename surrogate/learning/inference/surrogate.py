@@ -1,0 +1,675 @@
+"""A body with what predicts it: predictions, solutions, certificates, corrections and stresses."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from contextlib import closing
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, overload
+
+import numpy as np
+import torch
+from numpy.typing import ArrayLike, NDArray
+from torch import Tensor
+
+from shared_schema.common.arguments.checked_arguments import checked_arguments
+from shared_schema.common.arguments.real_numbers import real_numbers
+from shared_schema.common.errors import InputError, WorkError
+from shared_schema.common.progress import Progress
+from surrogate.learning.inference.prediction import Predictor, given_aim
+from surrogate.learning.inference.training_range import TrainingRange
+from surrogate.learning.networks.field_network import FieldNetwork
+from surrogate.learning.networks.nodal_network import NodalNetwork
+from surrogate.learning.networks.unet import parameter_count
+from surrogate.learning.probabilistic.distribution import Distribution
+from surrogate.learning.probabilistic.stochastic_passes import PASSES, Passes, require_passes
+from surrogate.learning.runs.description import RunDescription
+from surrogate.learning.runs.folder import RunFolder
+from surrogate.mechanics.body.body import Body, Remade
+from surrogate.mechanics.body.geometry import SURFACE, Geometry
+from surrogate.mechanics.body.given_load import Load, checked_load, checked_loads, without_pressure
+from surrogate.mechanics.certify.certificate_protocol import LEVEL
+from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
+from surrogate.mechanics.series.series_response import SeriesResponse
+from surrogate.runtime.device import Precision
+from surrogate.runtime.time_limit import require_time
+
+if TYPE_CHECKING:
+    from shared_schema.tools import Tool
+    from surrogate.learning.inference.solution import Solution
+    from surrogate.mechanics.certify import (
+        Bounds,
+        Certificate,
+        Correction,
+        FastCertificate,
+        FastEstimate,
+        Intervals,
+    )
+    from surrogate.mechanics.descent import Aim, Descent, DrivenBody
+    from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
+    from surrogate.mechanics.touch.grip import Held
+
+Array = NDArray[np.float64]
+
+
+class Surrogate(Remade):
+    """A body, and what predicts its displacements: a trained network, or a load series.
+
+    Parameters
+    ----------
+    network : FieldNetwork
+    geometry : Geometry
+        Mesh, supports and grid; its node numbers are those of forces and displacements.
+    description : RunDescription
+        Configuration and dataset of the run.
+
+    Attributes
+    ----------
+    body : Body
+        Its equilibria, stresses and reactions.
+    predictor : Predictor
+        Loads to displacements.
+    training_range : TrainingRange
+        Forces of the training data; `predict` warns of others.
+    folder : Path or None
+        Run folder that the network was loaded from.
+    mean_error : float or None
+        ē on the test split of its training's dataset, in m; None if the run is not evaluated.
+    """
+
+    def __init__(
+        self, network: FieldNetwork, geometry: Geometry, description: RunDescription
+    ) -> None:
+        self.network, self.geometry, self.description = network.eval(), geometry, description
+        self.body = Body.of(network, geometry, description.data.case)
+        self.predictor = Predictor(network, self.body, description.run)
+        self.training_range = TrainingRange.of(geometry, description)
+        self.folder: Path | None = None
+        self.mean_error: float | None = None
+
+    def __repr__(self) -> str:
+        """Say what it is, such as "Surrogate(beam2d, 64 nodes, U-Net 0.47 M, ē 0.06 mm)"."""
+        run = self.description.run
+        size = run.title
+        if count := parameter_count(self.network):
+            size += f" {count / 1e6:.2f} M"
+        parts = [run.case, f"{len(self.geometry.coordinates)} nodes", size]
+        if run.likelihood != "deterministic":
+            parts.append(run.likelihood.replace("_", " "))
+        if self.mean_error is not None:
+            parts.append(f"ē {self.description.data.units.written(self.mean_error)}")
+        return f"Surrogate({', '.join(parts)})"
+
+    @property
+    def precision(self) -> Precision:
+        """Precision of the network's convolutions on a GPU."""
+        return self.predictor.batched.precision
+
+    @precision.setter
+    def precision(self, precision: Precision) -> None:
+        self.predictor.batched.precision = precision
+
+    @property
+    def has_series(self) -> bool:
+        """Whether the response of the body is a load series, beyond the linear one."""
+        within = isinstance(self.network.linear, SeriesResponse)
+        return within or self.predictor.series is not None
+
+    @property
+    def equilibrium(self) -> Equilibrium:
+        """The finite-element equilibrium of the body, that of `Body.equilibrium`."""
+        return self.body.equilibrium
+
+    @property
+    def driven_body(self) -> DrivenBody:
+        """The body as directions see it, that of `Body.driven_body`."""
+        return self.body.driven_body
+
+    def under(self, pressure: FollowerPressure | None) -> Equilibrium:
+        """Equilibrium under the pressures of one load case: `Body.under`."""
+        return self.body.under(pressure)
+
+    def descend(
+        self,
+        dead: Array,
+        pressure: FollowerPressure | None,
+        predicted: Array,
+        aim: Aim,
+        last_term: float = math.inf,
+    ) -> tuple[Array, Descent]:
+        """Drive the prediction of one load towards the equilibrium: `Body.descend`."""
+        return self.body.descend(dead, pressure, predicted, aim, last_term)
+
+    @property
+    def nodal_network(self) -> NodalNetwork:
+        """The network as a map between fields at the nodes of the mesh."""
+        return self.predictor.network
+
+    @property
+    def passes(self) -> Passes:
+        """Passes of the network; the drawn weights of the last prediction are kept."""
+        return self.predictor.passes
+
+    @property
+    def is_probabilistic(self) -> bool:
+        """True if the network predicts standard deviations."""
+        return self.predictor.is_probabilistic
+
+    @property
+    def is_stochastic(self) -> bool:
+        """True if passes differ from each other."""
+        return self.predictor.is_stochastic
+
+    @overload
+    def predict(
+        self,
+        forces: Tensor,
+        *,
+        tolerance: float | None = None,
+        budget: float | None = None,
+        pressure: ArrayLike | None = None,
+        nodes: str | ArrayLike | None = None,
+    ) -> Tensor: ...
+    @overload
+    def predict(
+        self,
+        forces: ArrayLike,
+        *,
+        tolerance: float | None = None,
+        budget: float | None = None,
+        pressure: ArrayLike | None = None,
+        nodes: str | ArrayLike | None = None,
+    ) -> Array: ...
+    def predict(
+        self,
+        forces: ArrayLike | Tensor,
+        *,
+        tolerance: float | None = None,
+        budget: float | None = None,
+        pressure: ArrayLike | None = None,
+        nodes: str | ArrayLike | None = None,
+    ) -> Array | Tensor:
+        """Predict displacements, the means of `predict_distribution`.
+
+        Compiled code of Numba computes a load series on a CPU, which takes up to 20 s at the first
+        prediction after an installation. A load of a large batch differs from that load alone by
+        rounding in single precision.
+
+        With a tolerance or a budget, directions drive every prediction towards the equilibrium of
+        the finite elements until its estimated error is small enough
+        (`surrogate.mechanics.descent`); a good one takes a single direction, and none where the
+        last term of its load series is small.
+
+        Issues an `OutsideTrainingWarning`, once a kind, for forces unlike those of the training,
+        and an `UnreachedToleranceWarning` if directions end before the tolerance is reached. What
+        is then returned is the best displacement that was met.
+
+        Parameters
+        ----------
+        forces : array or Tensor, (n_nodes, d) or (N, n_nodes, d)
+            Nodal forces in N, or loads as those of `Surrogate.certify`. A tensor that requires
+            gradients gives displacements that are differentiable by the forces; the network's
+            weights get no gradients.
+        tolerance : float, optional
+            Largest error of a node, relative to the largest displacement under the load.
+        budget : float, optional
+            Seconds that the directions of each load may take, after its prediction.
+        pressure : array, (n_surfaces,) or (N, n_surfaces)
+            As that of `Surrogate.certify`, beside a tolerance or a budget, or of a load series that
+            follows the surface; by default the pressures that the forces tell.
+        nodes : "surface", name of a group of nodes, or array of int, optional
+            Nodes whose displacements are wanted, all by default.
+
+        Returns
+        -------
+        array, or Tensor if the forces are one, of the same shape, or with n `nodes` of n_nodes
+            Nodal displacements in m; those of a tensor have its precision and device.
+
+        Raises
+        ------
+        InputError
+            If the shape is wrong, a force is not finite, or one acts at a clamped node; there are
+            no such nodes; or a tolerance or budget is not positive, stands beside gradients, or is
+            for a body whose equilibrium the learner does not compute.
+        """
+        require_time()
+        follows = self.predictor.series is not None  # without directions as well
+        aim = given_aim(tolerance, budget, None if follows else pressure)
+        wanted = None if nodes is None else self.geometry.nodes_of(nodes)
+        loads = checked_loads(self.geometry, forces)
+        self.training_range.warn(loads[..., : len(self.geometry.coordinates), :])
+        found: Array | Tensor
+        if isinstance(forces, Tensor) and forces.requires_grad and torch.is_grad_enabled():
+            if aim is not None:
+                raise InputError(
+                    "tolerance and budget: directions have no gradients, expected forces without"
+                )
+            found = self.predictor.differentiable(forces)
+        else:
+            if aim is None:
+                found, _ = self.predictor.respond(loads, pressure)
+            else:
+                found = self.predictor.driven(loads, aim, pressure)
+            if isinstance(forces, Tensor):
+                kind = forces.dtype if forces.is_floating_point() else torch.float64
+                found = torch.from_numpy(found).to(forces.device, kind)
+        return found if wanted is None else found[..., wanted, :]
+
+    @checked_arguments
+    def predict_distribution(
+        self, forces: ArrayLike | Tensor, passes: int = PASSES, seed: int = 0
+    ) -> Distribution:
+        """Predict means and standard deviations of displacements.
+
+        Parameters
+        ----------
+        forces : array, (n_nodes, d) or (N, n_nodes, d)
+            Nodal forces in N.
+        passes : int
+            Number of passes T of every member of an ensemble; a network that is not stochastic
+            makes a single pass.
+        seed : int
+            Seed of the passes, 0 or more. All samples use the same passes.
+
+        Raises
+        ------
+        InputError
+            If the network predicts no standard deviations, the shape is wrong, a force is not
+            finite or acts at a clamped node, `passes` is below 1 or `seed` below 0.
+        """
+        if not self.is_probabilistic:
+            raise InputError(
+                f"likelihood '{self.description.run.likelihood}': the network predicts no standard "
+                "deviations, expected Surrogate.predict, or solve with certify='fast' or 'full'"
+            )
+        return self.averaged_passes(forces, passes, seed)
+
+    def averaged_passes(
+        self, forces: ArrayLike | Tensor, passes: int = PASSES, seed: int = 0
+    ) -> Distribution:
+        """Do what `predict_distribution` does, of any network: σ is 0 if it predicts none."""
+        require_passes(passes, seed)
+        return self.predictor.distribution(checked_loads(self.geometry, forces), passes, seed)
+
+    @checked_arguments
+    def solve(
+        self,
+        load: Load = (),
+        *,
+        held: Held | None = None,
+        tool: str | Tool | None = None,
+        body_force: str | Sequence[float] | None = None,
+        young_modulus: float | None = None,
+        certify: Literal["fast", "full"] | None = None,
+        correct: bool = False,
+        tolerance: float | None = None,
+        budget: float | None = None,
+        level: float | None = None,
+        conformal: Literal["marginal", "simultaneous"] | None = None,
+        stresses: bool = False,
+        nearest: bool = False,
+        passes: int | None = None,
+        seed: int | None = None,
+    ) -> Solution:
+        """Predict one load case; certify or correct it.
+
+        Parameters
+        ----------
+        load : array (n_nodes or n_points, d), Tensor, str, Path or sequence of str and Path
+            Nodal forces in N, and after these, of elements with points between the nodes, the
+            forces there (`Solution.load`); or texts as ``--load`` takes them, such as "4,1:0,-1.5"
+            (a force in N at the node there), "top:0,-2" (on a group of the mesh) or "top:5" (a
+            pressure in Pa), and files as ``--forces`` takes them. All act together.
+        held : mapping of str to displacements, or sequence of str, optional
+            Places and groups that are held at displacements in m, such as {"4,1": (0.02, None)},
+            or texts as ``--hold`` takes them, such as "4,1:0.02,-"; the solution's `force` holds
+            the forces that do it (`surrogate.Grip`).
+        tool : Tool or str, optional
+            A rigid tool of `shared_schema.tools` that the surface keeps out of, without friction,
+            or a text as ``--tool`` takes it, such as "sphere:3,1.2:0.3"; the solution's `force`
+            holds its forces, and `contact` says more (`surrogate.Touch`).
+        body_force : str or sequence of d floats, optional
+            A force in N per m³ of the undeformed body that acts everywhere, such as its weight.
+        young_modulus : float, optional
+            Young's modulus at rest in Pa, of a body of one material: by default that of the run
+            (`surrogate.mechanics.body.stiffness`).
+        certify : {"full", "fast"}, optional
+            Estimate the error: by Newton steps; or in real time, with bounds that hold with some
+            probability, which `surrogate evaluate --certify` calibrates. A load or state unlike
+            those of this calibration has no bound, and is not certified. Intervals of single
+            components, of networks that predict standard deviations, are there without `certify`.
+        correct : bool
+            Go on from the prediction to the equilibrium of the finite elements. A certificate is
+            then that of this equilibrium, as it is of what the solution shows in any case.
+        tolerance : float, optional
+            Largest error of a node: in m with `certify`, which tells whether it is kept, else
+            relative to the largest displacement. Unless the prediction is corrected, directions
+            drive it towards the equilibrium until its estimated error is small enough
+            (`surrogate.mechanics.descent`).
+        budget : float, optional
+            Seconds that directions may take, whether or not there is a tolerance.
+        level : float, optional
+            Probability of each fast bound; 0.95 by default.
+        conformal : {"marginal", "simultaneous"}, optional
+            Add the bounds of the run's conformal intervals.
+        stresses : bool
+            Compute stresses of the cells and reactions of the supports.
+        nearest : bool
+            Let forces at other places act at the nearest node; the solution's notes say which.
+        passes, seed : int, optional
+            Number of passes of a stochastic network and their seed; 300 and 0 by default.
+
+        Raises
+        ------
+        InputError
+            If the load is wrong, an option needs another one, or the run lacks what it needs.
+        WorkError
+            If no equilibrium is found.
+        """
+        from surrogate.learning.inference.solving import Wanted, solved
+
+        wanted = Wanted(
+            held=held,
+            tool=tool,
+            body_force=body_force,
+            young_modulus=young_modulus,
+            certify=certify,
+            correct=correct,
+            tolerance=tolerance,
+            budget=budget,
+            level=level,
+            conformal=conformal,
+            stresses=stresses,
+            nearest=nearest,
+            passes=passes,
+            seed=seed,
+        )
+        return solved(self, load, wanted)
+
+    # --- certificates and corrections -------------------------------------------------------------
+
+    def certify(
+        self,
+        forces: ArrayLike,
+        predicted: ArrayLike | None = None,
+        *,
+        pressure: ArrayLike | None = None,
+    ) -> Certificate:
+        """Estimate the errors of predictions from their out-of-balance forces.
+
+        Parameters
+        ----------
+        forces : array, (n_nodes, d) or (N, n_nodes, d)
+            Nodal forces in N, with those that pressures have on the undeformed body, as in a
+            dataset. On elements with points between the nodes the forces there may follow, so that
+            there are n_points rows; without them, these are the pressures' alone.
+        predicted : array of the same shape, optional
+            Displacements in m; by default those of `predict`.
+        pressure : array, (n_surfaces,) or (N, n_surfaces)
+            Pressures in Pa on the surfaces of the case, which follow the deformed body: expected if
+            and only if the case has such surfaces; 0 if forces act alone.
+
+        Raises
+        ------
+        InputError
+            If a shape is wrong, a force is not finite, or the run does not name its material.
+        """
+        loads = checked_loads(self.geometry, forces)
+        dead, follows = without_pressure(self.geometry, loads, pressure)
+        return self.body.certify(dead, follows, self._displacement(loads, predicted))
+
+    def bounds(
+        self,
+        forces: ArrayLike,
+        predicted: ArrayLike | None = None,
+        level: float = LEVEL,
+        *,
+        pressure: ArrayLike | None = None,
+    ) -> Bounds:
+        """Bound the errors of predictions in real time, by the run's fast certificate.
+
+        Parameters
+        ----------
+        forces : array, (n_nodes, d) or (N, n_nodes, d)
+            Nodal forces in N, as those of `certify`.
+        predicted : array of the same shape, optional
+            Displacements in m; by default the network's, whose standard deviations give the
+            intervals of single components.
+        level : float
+            Probability of each bound.
+        pressure : array, (n_surfaces,) or (N, n_surfaces)
+            As that of `certify`.
+
+        Returns
+        -------
+        Bounds
+            Infinite, with the reason, for loads and states unlike those of the calibration.
+
+        Raises
+        ------
+        InputError
+            If a shape is wrong, a force is not finite, or the run has no fast certificate or none
+            of this level.
+        """
+        fast, loads, std = self.fast_of_level(level), checked_loads(self.geometry, forces), None
+        dead, follows = without_pressure(self.geometry, loads, pressure)
+        if predicted is None and self.is_probabilistic:
+            network = self.predictor.distribution(loads, PASSES, 0)
+            predicted, std = network.mean, network.std
+        return fast.certify(dead, self._displacement(loads, predicted), level, std, follows)
+
+    def correct(
+        self,
+        forces: ArrayLike,
+        predicted: ArrayLike | None = None,
+        *,
+        pressure: ArrayLike | None = None,
+    ) -> Correction:
+        """Go on from a prediction to the finite elements' equilibrium.
+
+        Parameters
+        ----------
+        forces : array, (n_nodes or n_points, d)
+            A load in N, as those of `certify`.
+        predicted : array of the same shape, optional
+            Displacements in m, which may be wrong; by default those of `predict`.
+        pressure : array, (n_surfaces,)
+            As that of `certify`.
+
+        Raises
+        ------
+        InputError
+            As `certify`.
+        WorkError
+            If no equilibrium is found.
+        """
+        load = checked_load(self.geometry, forces)
+        dead, follows = without_pressure(self.geometry, load, pressure)
+        return self.body.correct(dead, follows, self._displacement(load, predicted))
+
+    def correct_each(
+        self,
+        forces: ArrayLike,
+        predicted: ArrayLike | None = None,
+        *,
+        pressure: ArrayLike | None = None,
+    ) -> list[Correction]:
+        """Go on from many predictions to their equilibria, one after the other.
+
+        Parameters
+        ----------
+        forces, predicted : array, (N, n_nodes, d)
+            As in `correct`.
+        pressure : array, (n_surfaces,) or (N, n_surfaces)
+            As that of `certify`.
+
+        Raises
+        ------
+        InputError
+            As `certify`.
+        WorkError
+            If no equilibrium is found for a load; the message has its number.
+        """
+        shape = self.geometry.coordinates.shape
+        loads = checked_loads(self.geometry, forces)
+        if loads.ndim != 3:
+            raise InputError(f"forces have shape {loads.shape}, expected {('N', *shape)}")
+        dead, follows = without_pressure(self.geometry, loads, pressure)
+        displacement, found = self._displacement(loads, predicted), []
+        progress = Progress(len(loads), unit="loads", title="surrogate: corrections", passing=True)
+        with closing(progress):
+            for number in range(len(loads)):
+                one = None if follows is None else follows[slice(number, number + 1)]
+                try:
+                    found.append(self.body.correct(dead[number], one, displacement[number]))
+                except WorkError as error:
+                    raise WorkError(f"load {number}: {error}") from None
+                progress.update(number + 1)
+        return found
+
+    def _displacement(self, loads: Array, predicted: ArrayLike | None) -> Array:
+        """Return given displacements, checked; predict them if they are not given."""
+        nodal = loads[..., : len(self.geometry.coordinates), :]
+        if predicted is None:
+            return self.predictor.respond(loads)[0]
+        displacement = real_numbers(predicted, "predicted displacements")
+        if displacement.shape != nodal.shape:
+            raise InputError(f"predicted has shape {displacement.shape}, expected {nodal.shape}")
+        return displacement
+
+    # --- stresses ---------------------------------------------------------------------------------
+
+    def stresses(
+        self,
+        displacement: ArrayLike | Tensor,
+        forces: ArrayLike | Tensor | None = None,
+        *,
+        pressure: ArrayLike | None = None,
+    ) -> dict[str, Array]:
+        """Compute stresses at the middle of every cell, as `Body.stresses`."""
+        return self.body.stresses(displacement, forces, pressure=pressure)
+
+    def reactions(
+        self,
+        displacement: ArrayLike | Tensor,
+        pushed: ArrayLike | Tensor | None = None,
+        *,
+        forces: ArrayLike | Tensor | None = None,
+    ) -> Array:
+        """Compute the forces of the supports on the body in N, as `Body.reactions`."""
+        return self.body.reactions(displacement, pushed, forces=forces)
+
+    # --- the run ----------------------------------------------------------------------------------
+
+    def prepare(self, nodes: str | ArrayLike = SURFACE) -> None:
+        """Get ready for loads on some nodes of a large body, such as those that a tool reaches.
+
+        Predictions that begin with the linear response solve with the stiffness of the body, unless
+        a load acts on a few nodes, or is a uniform body force. With the columns of its inverse for
+        these nodes, loads on any number of them, beside a body force, cost a sum. They are solved
+        for once, kept while the model lives, and written beside its run
+        (``columns.safetensors``), unless that comes with the package. A body that keeps the whole
+        inverse (up to 4000 degrees of freedom) is ready as it is.
+
+        Parameters
+        ----------
+        nodes : "surface", name of a group of nodes, or array of int
+
+        Raises
+        ------
+        InputError
+            If there is no such group or node, the columns take more than 2 GiB, the network does
+            not begin with the response of the body at its own nodes, or another process works in
+            the run folder.
+        """
+        from surrogate.learning.inference.touched_region import keep_columns
+
+        keep_columns(self, nodes)
+
+    def with_young_moduli(self, moduli: Mapping[str, float]) -> Surrogate:
+        """Make the same load series for a body whose zones have other Young's moduli.
+
+        The stiffness of the body at rest is factorised anew; all that is computed from the body is
+        that of the new one, and its fast bounds would have to be calibrated again.
+
+        Parameters
+        ----------
+        moduli : mapping of str to float
+            Young's modulus at rest in Pa by group of the case's materials; others stay.
+
+        Raises
+        ------
+        InputError
+            If the model has learned from samples, the body is of one material, there is no such
+            group, or a modulus is not positive and finite.
+        """
+        from surrogate.mechanics.body.stiffness import with_zones
+
+        return with_zones(self, moduli)
+
+    def require_stochastic(self, **options: int | None) -> None:
+        """Raise InputError if pass options are given for a network that is not stochastic."""
+        for name, value in options.items():
+            if value is not None and not self.is_stochastic:
+                raise InputError(
+                    f"--{name} {value}: passes of this network do not differ, expected one with "
+                    "probabilistic weights or dropout"
+                )
+
+    @property
+    def run(self) -> RunFolder:
+        """The run folder; InputError if the network was not loaded from one."""
+        if self.folder is None:
+            raise InputError("the network was not loaded from a run folder, expected a saved run")
+        return RunFolder(self.folder)
+
+    @cached_property
+    def fast_estimate(self) -> FastEstimate:
+        """Estimate of errors without a factorisation."""
+        from surrogate.mechanics.certify.fast_estimate import FastEstimate
+
+        return FastEstimate(self.driven_body)
+
+    @cached_property
+    def fast_certificate(self) -> FastCertificate:
+        """The calibrated bounds of the run; InputError if it has none."""
+        from surrogate.mechanics.certify.fast_certificate import FastCertificate, read_calibration
+
+        estimate, run = self.fast_estimate, self.run
+        run.seal.require_intact(run.fast_certificate)
+        return FastCertificate(estimate, *read_calibration(run.fast_certificate))
+
+    def fast_of_level(self, level: float) -> FastCertificate:
+        """Return the calibrated bounds; InputError if they have no such level."""
+        fast = self.fast_certificate
+        try:
+            fast.factor(level)
+        except ValueError as error:
+            raise InputError(f"--level {level:g}: {error}") from None
+        return fast
+
+    @cached_property
+    def bounds_of_components(self) -> FastCertificate | None:
+        """What gives intervals of components their size; None if the run has no such bounds."""
+        if self.folder is None or not self.run.fast_certificate.is_file():
+            return None
+        try:
+            fast = self.fast_of_level(LEVEL)
+        except InputError:  # of another version, or of too few samples
+            return None
+        return fast if fast.knows_components and fast.calibrated is not None else None
+
+    @cached_property
+    def intervals(self) -> Intervals:
+        """The conformal intervals of the run; InputError if it has none."""
+        from surrogate.mechanics.certify.conformal import Intervals
+
+        run = self.run
+        run.seal.require_intact(run.intervals)
+        return Intervals.read(run.intervals)
+
+    def score_scale(self, predicted: Distribution) -> ArrayLike:
+        """Divisor of errors in conformal scores: σ in m, or 1 m if the network predicts none."""
+        return predicted.std if self.is_probabilistic else 1.0

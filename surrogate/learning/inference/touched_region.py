@@ -1,0 +1,55 @@
+"""Columns of the compliance at the nodes that tools reach, kept with a network and its run."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import torch
+from numpy.typing import ArrayLike
+
+from shared_schema.common.errors import InputError
+from surrogate.learning.runs.folder import RunFolder
+from surrogate.learning.runs.shelf import is_shelved
+from surrogate.mechanics.equilibrium.compliance import Compliance
+from surrogate.runtime.tensor_file import load_tensors, serialised
+
+if TYPE_CHECKING:
+    from surrogate.learning.inference.surrogate import Surrogate
+
+INPUTS, COLUMNS = "inputs", "columns"
+
+
+def keep_columns(model: Surrogate, nodes: str | ArrayLike) -> None:
+    """Solve for the columns of the forces at some nodes, and keep them; see `prepare`."""
+    compliance = compliance_of(model)
+    if len(compliance.matrix):
+        return
+    inputs = compliance.inputs_at(model.geometry.nodes_of(nodes))
+    columns = compliance.kept.keep(inputs)
+    if model.folder is not None and not is_shelved(model.folder):
+        tensors = {INPUTS: torch.from_numpy(inputs), COLUMNS: torch.from_numpy(columns)}
+        RunFolder(model.folder).write_columns(serialised(tensors))
+
+
+def restore_columns(model: Surrogate, run: RunFolder) -> None:
+    """Keep the columns in a run's folder; InputError if the file is damaged."""
+    if not run.columns.is_file():
+        return
+    run.seal.require_intact(run.columns)
+    tensors, _ = load_tensors(run.columns)
+    try:
+        compliance_of(model).kept.keep(tensors[INPUTS].numpy(), tensors[COLUMNS].numpy())
+    except (KeyError, IndexError, ValueError) as error:
+        raise InputError(f"{run.columns}: does not fit {run.model.name} ({error})") from None
+
+
+def compliance_of(model: Surrogate) -> Compliance:
+    """The compliance that predictions solve with; InputError if there is none."""
+    linear = model.network.linear
+    compliance = None if linear is None else linear.compliance
+    if not isinstance(compliance, Compliance) or not model.geometry.grid.points_are_nodes:
+        raise InputError(
+            "prepare: expected a network on its own nodes, on the CPU, that begins with the "
+            "linear response or the load series"
+        )
+    return compliance

@@ -1,0 +1,40 @@
+"""Kinds of model: an architecture with the keys of a likelihood, chosen by a configuration.
+
+====================  ========================================================================
+`kinds`               which architecture goes with which likelihoods; the table of all kinds
+`model`               what every architecture has: common keys, building, start, distribution
+`unet_model`, …       the architectures: U-Net, reduced network, linear layer, POD, load series
+`likelihood_keys`     the keys that a likelihood adds
+`training_config`     keys of the section `training`
+`batched_prediction`  a network under any number of loads, in batches that fit memory
+====================  ========================================================================
+"""
+
+from typing import TYPE_CHECKING
+
+from shared_schema.common.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from surrogate.learning.models.kinds import KINDS, RunConfig
+    from surrogate.learning.models.linear_model import LinearModel
+    from surrogate.learning.models.model import Gaussian, Model, TrainedModel
+    from surrogate.learning.models.network_model import NetworkModel
+    from surrogate.learning.models.pod_model import PODModel
+    from surrogate.learning.models.reduced_model import ReducedModel
+    from surrogate.learning.models.series_model import SeriesModel
+    from surrogate.learning.models.unet_model import UNetModel
+
+__all__ = [
+    "KINDS",
+    "Gaussian",
+    "LinearModel",
+    "Model",
+    "NetworkModel",
+    "PODModel",
+    "ReducedModel",
+    "RunConfig",
+    "SeriesModel",
+    "TrainedModel",
+    "UNetModel",
+]
+__getattr__, __dir__ = lazy_names(__name__)

@@ -1,0 +1,1 @@
+"""A body and its loads: mesh, supports, elements, materials."""

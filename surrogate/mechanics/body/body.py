@@ -1,0 +1,335 @@
+"""A body: its equilibria, the errors of displacements, stresses and reactions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+from numpy.typing import ArrayLike, NDArray
+from torch import Tensor
+
+from shared_schema.common.arguments.real_numbers import real_numbers
+from shared_schema.common.bodies.force_tolerance import ForceTolerance
+from shared_schema.common.errors import InputError
+from shared_schema.common.keys.units import Units
+from shared_schema.materials import Materials, materials_of
+from surrogate.learning.networks.field_network import FieldNetwork
+from surrogate.mechanics.body.elements_of_case import (
+    has_points_between,
+    require_known_elements,
+    require_nodes_alone,
+    with_dilations,
+)
+from surrogate.mechanics.body.geometry import Geometry
+from surrogate.mechanics.body.given_load import checked_loads, fields_at_nodes, without_pressure
+from surrogate.mechanics.equilibrium.compliance import Compliance
+from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
+from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
+from surrogate.mechanics.equilibrium.quadratic import QuadraticEquilibrium
+
+if TYPE_CHECKING:
+    from surrogate.mechanics.certify import Certificate, Correction
+    from surrogate.mechanics.descent import Aim, Descent, DrivenBody
+
+Array = NDArray[np.float64]
+CPU = torch.device("cpu")
+LARGE = 20000  # components whose stiffness is not factorised for a load like those of a training
+
+
+class Remade:
+    """What is computed once and kept is no part of a copy."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out what is computed at first use: a copy computes it again."""
+        return {
+            name: value
+            for name, value in self.__dict__.items()
+            if not isinstance(getattr(type(self), name, None), cached_property)
+        }
+
+
+class Body(Remade):
+    """Mesh, supports, elements and material, without a way to predict.
+
+    Parameters
+    ----------
+    geometry : Geometry
+    case : mapping
+        The case's elements, materials, units and tolerance of the solver.
+    shared : sequence of Compliance
+        Those of a predictor, whose factors of K(0) are taken if they are the body's.
+    device : torch.device
+        Where a predictor computes; on a GPU, fast estimates solve there as well.
+    """
+
+    def __init__(
+        self,
+        geometry: Geometry,
+        case: Mapping[str, Any],
+        shared: Sequence[Compliance] = (),
+        device: torch.device = CPU,
+    ) -> None:
+        self.geometry, self.case, self._shared, self._device = geometry, case, shared, device
+
+    @classmethod
+    def of(cls, network: FieldNetwork, geometry: Geometry, case: Mapping[str, Any]) -> Body:
+        """Make the body that a network predicts on."""
+        shared = [module for module in network.modules() if isinstance(module, Compliance)]
+        return cls(geometry, case, shared, network.free.device)
+
+    @property
+    def material(self) -> Materials:
+        """Material of the body, or those of its parts; InputError if they are not shipped ones."""
+        return materials_of(self.case.get("material"), "material of the run's case")
+
+    @property
+    def units(self) -> Units:
+        """Labels of the units of the case."""
+        return Units.of_case(self.case)
+
+    @cached_property
+    def equilibrium(self) -> Equilibrium:
+        """The finite-element equilibrium of the body.
+
+        Raises
+        ------
+        InputError
+            If its material is none of the shipped ones, or the learner does not compute the
+            equilibria of its elements.
+        """
+        require_known_elements(self.case)
+        geometry = with_dilations(self.geometry, self.case)
+        between = has_points_between(self.case, geometry.cell_type)
+        kind, found = QuadraticEquilibrium if between else Equilibrium, None
+        for one in (compliance.equilibrium for compliance in self._shared):
+            if type(one) is kind and one.mean_dilation == geometry.mean_dilation:
+                found = one
+        found = found or kind(geometry, self.material)
+        found.units = self.units
+        return found
+
+    def balanced(self) -> Equilibrium:
+        """Equilibrium under dead loads, which has no points between the nodes.
+
+        Raises
+        ------
+        InputError
+            As `equilibrium`, or if the case has loads that follow the body, or elements with points
+            between the nodes.
+        """
+        what = "proposed loads and refinement"
+        require_nodes_alone(self.case, self.geometry.cell_type, what)
+        if self.geometry.pressed is not None:
+            raise InputError(
+                f"the loads of the case have a pressure that follows the surface: {what} are for "
+                "dead loads; certificates and corrections are there"
+            )
+        return self.equilibrium
+
+    def under(self, pressure: FollowerPressure | None) -> Equilibrium:
+        """Equilibrium under dead loads, and under the pressures of one load case if there are."""
+        return self.equilibrium if pressure is None else self.equilibrium.under(pressure)
+
+    @cached_property
+    def driven_body(self) -> DrivenBody:
+        """The body as directions see it (`surrogate.mechanics.descent`); InputError as `equilibrium`."""
+        from surrogate.mechanics.descent import DrivenBody
+
+        return DrivenBody.of(self.equilibrium)
+
+    def descend(
+        self,
+        dead: Array,
+        pressure: FollowerPressure | None,
+        predicted: Array,
+        aim: Aim,
+        last_term: float = math.inf,
+    ) -> tuple[Array, Descent]:
+        """Drive the prediction of one load towards the equilibrium, by directions.
+
+        Parameters
+        ----------
+        dead : array, (n_nodes or n_points, d)
+            Dead load in N.
+        pressure : FollowerPressure or None
+            Pressures of the load case, if the body's loads have some.
+        predicted : array, (n_nodes, d)
+            In m.
+        aim : Aim
+        last_term : float
+            What the last term of the prediction's series adds at most, in m; infinite if it is
+            not one.
+
+        Raises
+        ------
+        InputError
+            As `equilibrium`.
+        """
+        from surrogate.mechanics.descent import descend
+
+        return descend(self.driven_body.under(pressure), dead, predicted, aim, last_term)
+
+    @property
+    def is_small(self) -> bool:
+        """Whether K(0) is factorised in no time."""
+        return self.geometry.coordinates.size <= LARGE
+
+    def one_direction(
+        self, dead: Array, pressure: FollowerPressure | None, displacement: Array
+    ) -> Array | None:
+        """Estimated error in m by one direction; None if the learner does not know the body."""
+        from surrogate.mechanics.descent.first_direction import first_direction
+
+        try:
+            body = self.driven_body.under(pressure)
+        except InputError:
+            return None
+        found = first_direction(body, dead, displacement)
+        return np.full(displacement.shape, np.inf) if found is None else -found
+
+    def certify(
+        self, dead: Array, pressure: FollowerPressure | None, displacement: Array
+    ) -> Certificate:
+        """Estimate errors as `Surrogate.certify` does, of checked loads and displacements."""
+        from surrogate.mechanics.certify.full_certificate import certify, certify_each
+
+        if pressure is None:
+            return certify(self.equilibrium, dead, displacement)
+        return certify_each(self.equilibrium, pressure, dead, displacement)
+
+    def correct(
+        self, dead: Array, pressure: FollowerPressure | None, displacement: Array
+    ) -> Correction:
+        """Go on to the equilibrium under one checked load, as `Surrogate.correct` does."""
+        from surrogate.mechanics.certify.correction import correct
+
+        tolerance = ForceTolerance.of_case(self.case)
+        return correct(self.under(pressure), dead, displacement, tolerance)
+
+    def stresses(
+        self,
+        displacement: ArrayLike | Tensor,
+        forces: ArrayLike | Tensor | None = None,
+        *,
+        pressure: ArrayLike | None = None,
+    ) -> dict[str, Array]:
+        """Compute stresses at the middle of every cell.
+
+        Parameters
+        ----------
+        displacement : array, (n_nodes, d) or (N, n_nodes, d)
+            In m.
+        forces : array, (n_nodes or n_points, d) or with N before, optional
+            Loads in N, as of `Surrogate.certify`. They matter to elements with points between the
+            nodes alone, which move under the forces there; none by default.
+        pressure : array, (n_surfaces,) or (N, n_surfaces), optional
+            Pressures in Pa that are a part of these loads; none by default.
+
+        Returns
+        -------
+        dict of array, (n_cells, …) or (N, n_cells, …)
+            By the names of `shared_schema.common.bodies.stress_fields`.
+
+        Raises
+        ------
+        InputError
+            If a shape is wrong, or the material is none of the shipped ones.
+        """
+        u = fields_at_nodes(self.geometry, displacement, "displacements")
+        given = self.geometry.no_pressure if pressure is None else pressure
+        load = without_pressure(self.geometry, self._load_on(u, forces), given)
+        fields = self.stresses_under(*load, u)
+        return {name: values[0] if u.ndim == 2 else values for name, values in fields.items()}
+
+    def reactions(
+        self,
+        displacement: ArrayLike | Tensor,
+        pushed: ArrayLike | Tensor | None = None,
+        *,
+        forces: ArrayLike | Tensor | None = None,
+    ) -> Array:
+        """Compute the forces of the supports on the body in N, of the displacements' shape.
+
+        Parameters
+        ----------
+        displacement : array, (n_nodes, d) or (N, n_nodes, d)
+            In m.
+        pushed : array of the same shape, optional
+            Forces in N of pressures on the deformed body, with n_points rows on elements with
+            points between the nodes; none by default.
+        forces : array, (n_nodes or n_points, d) or with N before, optional
+            Dead loads in N, which matter as to `stresses`; none by default.
+
+        Raises
+        ------
+        InputError
+            As `stresses`.
+        """
+        from surrogate.mechanics.equilibrium.stresses import reactions
+
+        u, body = fields_at_nodes(self.geometry, displacement, "displacements"), self.equilibrium
+        nodes, d = self.geometry.coordinates.shape
+        loads = self._load_on(u, forces)
+        acting = body.forces_at_points(loads.reshape(-1, *loads.shape[-2:])).copy()
+        if pushed is not None:
+            of_pressures = real_numbers(pushed, "forces of pressures")
+            several, rows = u.shape[:-2], of_pressures.shape[-2:-1]
+            if of_pressures.shape != (*several, *rows, d) or rows[0] not in (nodes, len(body.free)):
+                raise InputError(
+                    f"forces of pressures have shape {of_pressures.shape}, expected {u.shape}"
+                )
+            acting[:, : rows[0]] += of_pressures.reshape(-1, *rows, d)
+        at_points = body.at_points(u.reshape(-1, nodes, d), acting)
+        found = reactions(self.equilibrium.solid, body.geometry, at_points, acting)
+        return np.asarray(body.forces_at_nodes(found).reshape(u.shape))
+
+    def _load_on(self, u: Array, forces: ArrayLike | Tensor | None) -> Array:
+        """Loads on displacements of some shape; InputError unless they are as many."""
+        if forces is None:
+            return np.zeros(u.shape)
+        loads = checked_loads(self.geometry, forces)
+        if loads.shape[:-2] != u.shape[:-2]:
+            raise InputError(f"forces have shape {loads.shape}, expected {u.shape}")
+        return loads
+
+    def _under_load(
+        self, dead: Array, pressure: FollowerPressure | None, u: Array
+    ) -> tuple[Array, Array]:
+        """Displacements of all points in m, and all forces on them in N: (N, n_points, d) each."""
+        body, shape = self.equilibrium, self.geometry.coordinates.shape
+        u, f = u.reshape(-1, *shape), body.forces_at_points(dead.reshape(-1, *dead.shape[-2:]))
+        if pressure is None:
+            return body.at_points(u, f), f
+        at_points = np.empty(f.shape)
+        for row in range(len(u)):
+            one = slice(row, row + 1)
+            under = body.under(pressure[one])
+            at_points[one] = under.at_points(u[one], f[one])
+            f[one] = under.external(at_points[one], f[one])
+        return at_points, f
+
+    def stresses_under(
+        self, dead: Array, pressure: FollowerPressure | None, u: Array
+    ) -> dict[str, Array]:
+        """Stresses of N displacements in m, (N, n_nodes, d), under dead loads in N and pressures.
+
+        By name, (N, n_cells, …); of a single displacement, (n_nodes, d), that of N = 1.
+        """
+        from surrogate.mechanics.equilibrium.stresses import cell_stresses
+
+        at_points, _ = self._under_load(dead, pressure, u)
+        return cell_stresses(self.equilibrium.solid, self.equilibrium.geometry, at_points)
+
+    def reactions_under(self, dead: Array, pressure: FollowerPressure | None, u: Array) -> Array:
+        """Reactions in N of the same displacements, of their shape."""
+        from surrogate.mechanics.equilibrium.stresses import reactions
+
+        body = self.equilibrium
+        found = reactions(
+            self.equilibrium.solid, body.geometry, *self._under_load(dead, pressure, u)
+        )
+        return np.asarray(body.forces_at_nodes(found).reshape(u.shape))

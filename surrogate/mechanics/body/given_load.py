@@ -1,0 +1,245 @@
+"""The load of a prediction: given as forces, or in the words of a command line.
+
+A load is nodal forces, and after these, of elements with points between the nodes, the forces there
+(`surrogate.mechanics.equilibrium.quadratic`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from torch import Tensor
+
+from shared_schema.common.arguments.real_numbers import real_numbers
+from shared_schema.common.bodies.command_loads import CommandLoads, command_loads
+from shared_schema.common.errors import InputError
+from surrogate.mechanics.body.geometry import Geometry
+from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
+
+ROUNDING = 1e-6  # of a force in single precision, and more
+LARGEST_FORCE = float(np.finfo(np.float32).max)
+Array = NDArray[np.float64]
+Load: TypeAlias = ArrayLike | Tensor | str | Path | Sequence[str | Path]
+
+
+def fields_at_nodes(geometry: Geometry, values: ArrayLike | Tensor, name: str) -> Array:
+    """Return nodal fields in double precision, (n_nodes, d) or (N, n_nodes, d).
+
+    Raises
+    ------
+    InputError
+        If they are no array of real numbers, or have another shape.
+    """
+    fields = real_numbers(values, name)
+    expected = geometry.coordinates.shape
+    if fields.ndim not in (2, 3) or fields.shape[-2:] != expected:
+        raise InputError(f"{name} have shape {fields.shape}, expected {expected} or (N, *)")
+    return fields
+
+
+def checked_loads(geometry: Geometry, forces: ArrayLike | Tensor) -> Array:
+    """Return a load in N in double precision, (n_nodes, d) or (N, n_nodes, d).
+
+    It may have n_points rows instead, of elements with points between the nodes: the forces there
+    after the nodal ones.
+
+    Raises
+    ------
+    InputError
+        If they are no real numbers, the shape is wrong, a force is not finite, or one acts on a
+        held component.
+    """
+    points, loads = geometry.loaded_points, real_numbers(forces, "forces")
+    if points is not None and loads.ndim in (2, 3) and loads.shape[-2] == points.count:
+        nodal = fields_at_nodes(geometry, loads[..., : points.nodes, :], "forces")
+        between = loads[..., points.nodes :, :]
+        if not np.abs(between).max(initial=0.0) < LARGEST_FORCE:
+            raise InputError("forces hold a NaN or an infinity, expected finite numbers in N")
+    else:
+        nodal, between = fields_at_nodes(geometry, loads, "forces"), None
+    least, most = nodal.min(initial=0.0), nodal.max(initial=0.0)
+    if not (least > -LARGEST_FORCE and most < LARGEST_FORCE):  # true for NaN as well
+        raise InputError("forces hold a NaN or an infinity, expected finite numbers in N")
+    held = np.flatnonzero(geometry.held)  # degrees of freedom, node · d + component
+    at_held = nodal.reshape(-1, geometry.held.size)[:, held]
+    if at_held.any():
+        node = held[at_held.any(axis=0)][0] // nodal.shape[-1]
+        how = "clamped" if geometry.clamped[node] else "held in this component"
+        raise InputError(f"forces at node {node}: the node is {how}, expected a free one")
+    return nodal if between is None else loads
+
+
+def checked_load(geometry: Geometry, forces: ArrayLike | Tensor) -> Array:
+    """Return one load, (n_nodes or n_points, d) in N; InputError as `checked_loads`."""
+    load = checked_loads(geometry, forces)
+    if load.ndim != 2:
+        raise InputError(f"forces have shape {load.shape}, expected {load.shape[1:]}")
+    return load
+
+
+def checked_pressure(
+    geometry: Geometry, pressure: ArrayLike | None, forces: Array
+) -> FollowerPressure | None:
+    """Return the pressures that are a part of a load, (n_nodes, d) or (N, n_nodes, d).
+
+    Parameters
+    ----------
+    geometry : Geometry
+    pressure : array, (n_surfaces,) or (N, n_surfaces), or None
+        In Pa; a number if there is one surface. None for a body without such surfaces.
+
+    Raises
+    ------
+    InputError
+        If it is missing, its shape is wrong, or a number is not finite.
+    """
+    surfaces = geometry.surfaces
+    if pressure is None and surfaces:
+        raise InputError(
+            "pressure is missing: the loads of the case have one that follows the surface, "
+            "expected its value in Pa beside the forces, 0 if forces act alone"
+        )
+    if pressure is None:
+        return None
+    if not surfaces:
+        raise InputError("pressure: the case has none, expected forces only")
+    values = real_numbers(pressure, "pressure")
+    cases = len(forces) if forces.ndim == 3 else 1
+    if values.ndim < 2 and values.size == len(surfaces):
+        values = np.broadcast_to(values.reshape(1, -1), (cases, len(surfaces)))
+    if values.shape != (cases, len(surfaces)) or not np.isfinite(values).all():
+        raise InputError(
+            f"pressure has shape {np.shape(pressure)}, expected {len(surfaces)} finite "
+            f"{'number' if len(surfaces) == 1 else 'numbers'} in Pa for each load case"
+        )
+    return FollowerPressure.on(geometry.coordinates, surfaces, values, geometry.pressed_points)
+
+
+def dead_part(geometry: Geometry, forces: Array, pressure: FollowerPressure | None) -> Array:
+    """A load in N without the forces of pressures on the undeformed body, of the same shape.
+
+    Where it does not say what acts between the nodes, that is the pressures alone. Differences that
+    are rounding of single precision are zero.
+    """
+    if pressure is None:
+        return forces
+    rows = forces.shape[-2]
+    of_pressures = pressure.load[:, :rows]
+    beside = ((0, 0), (0, rows - of_pressures.shape[1]), (0, 0))
+    at_rest = np.pad(of_pressures, beside).reshape(forces.shape)
+    dead = (forces - at_rest) * geometry.free_at_points[:rows]
+    size = np.linalg.norm(at_rest, axis=-1, keepdims=True)
+    return np.where(np.abs(dead) <= ROUNDING * size, 0.0, dead)
+
+
+def without_pressure(
+    geometry: Geometry, forces: Array, pressure: ArrayLike | None
+) -> tuple[Array, FollowerPressure | None]:
+    """Tell given pressures from the dead forces beside them: `checked_pressure`, `dead_part`."""
+    follows = checked_pressure(geometry, pressure, forces)
+    return dead_part(geometry, forces, follows), follows
+
+
+def separated(geometry: Geometry, forces: Array) -> tuple[Array, FollowerPressure | None]:
+    """Tell the pressures of samples from their dead forces, which a dataset holds as one sum.
+
+    The pressure of a surface is the median of those that explain the force of each of its nodes. It
+    is exact if fewer than half of these have another force.
+
+    Parameters
+    ----------
+    geometry : Geometry
+    forces : array, (N, n_nodes, d)
+        Loads in N, with the forces of pressures on the undeformed body.
+
+    Returns
+    -------
+    dead : array of the same shape
+        In N.
+    pressure : FollowerPressure or None
+        None for a body without such surfaces.
+
+    Raises
+    ------
+    InputError
+        If another force acts on half of the nodes, or no node belongs to one surface alone.
+    """
+    if not geometry.surfaces:
+        return forces, None
+    count, nodes = len(geometry.surfaces), len(geometry.coordinates)
+    of_units = checked_pressure(geometry, -np.eye(count), np.zeros((count, 1, 1)))
+    assert of_units is not None
+    areas = of_units.load[:, :nodes] * geometry.free
+    own = areas.any(axis=2) & (areas.any(axis=2).sum(axis=0) == 1)
+    pressures, known = np.zeros((len(forces), len(areas))), own.any(axis=1).all()
+    for number, (area, some) in enumerate(zip(areas, own, strict=True)):
+        if known:
+            a, f = area[some], forces[:, :nodes][:, some]
+            pressures[:, number] = np.median(-(f * a).sum(2) / (a * a).sum(1), axis=1)
+    pressure = replace(of_units, pressures=pressures)
+    dead = dead_part(geometry, forces, pressure)
+    for some in own:
+        loaded = dead[:, :nodes][:, some].any(axis=2).sum(axis=1)
+        known = known and (2 * loaded < some.sum()).all()
+    if not known:
+        raise InputError("the pressures of the samples cannot be told from their other forces")
+    return dead, pressure
+
+
+def following(given: CommandLoads) -> FollowerPressure | None:
+    """Pressures of a load as those of one load case; None if it has none."""
+    return FollowerPressure.of_load(given)
+
+
+def given_load(
+    geometry: Geometry,
+    load: Load,
+    nearest: bool = False,
+    body_force: str | Sequence[float] | None = None,
+    needed: bool = True,
+) -> CommandLoads:
+    """Return a load as forces and pressures on the body.
+
+    Parameters
+    ----------
+    geometry : Geometry
+    load : array (n_nodes or n_points, d), Tensor, str, Path or sequence of str and Path
+        A load in N; or texts as ``--load`` takes them, and files as ``--forces`` does
+        (`shared_schema.common.bodies.command_loads`).
+    nearest : bool
+        Let forces at other places act at the nearest node.
+    body_force : str or sequence of d floats, optional
+        A force in N per m³ that acts everywhere as well.
+    needed : bool
+        No load at all is an error.
+
+    Raises
+    ------
+    InputError
+        If the load is wrong, or has a pressure that the body's training had none of.
+    """
+    body = geometry.loaded_body
+    parts = [load] if isinstance(load, str | Path) else load
+    if isinstance(parts, list | tuple) and all(isinstance(part, str | Path) for part in parts):
+        texts = [part for part in parts if isinstance(part, str)]
+        files = [part for part in parts if isinstance(part, Path)]
+        if not parts and body_force is None and not needed:
+            return CommandLoads(body)
+        given = command_loads(body, texts, files, nearest=nearest, body_force=body_force)
+        if given.surfaces and geometry.pressed is None:
+            raise InputError(
+                "--load: a pressure, expected forces; the network was trained on these"
+            )
+        return given
+    given = CommandLoads(body)
+    both = checked_load(geometry, load)  # type: ignore[arg-type]  # no texts are left
+    given.forces, between = both[: len(body.coordinates)], both[len(body.coordinates) :]
+    given.between[: len(between)] = between
+    if body_force is not None:
+        given.add_body_force(body_force)
+    return given

@@ -1,0 +1,235 @@
+r"""Full certificates: the error of a predicted displacement, computed without the true one.
+
+The forces of a prediction u are out of balance by r(u), and one step of Newton's method with one
+simplified step after it estimate its error to third order:
+
+.. math:: u - u_{true} = -(δ + \bar δ) + O(‖u - u_{true}‖^3), \qquad
+          δ = -K(u)^{-1} r(u), \quad \bar δ = -K(u)^{-1} r(u + δ)
+
+(`surrogate.mechanics.equilibrium.out_of_balance`). The estimate is settled if K(u) is positive
+definite, the contraction :math:`Θ = ‖\bar δ‖ / ‖δ‖` is at most 1/4, and :math:`\bar δ` is at most a
+tenth of the estimate, or negligible. A third step with the same factorisation, which is no part of
+the estimate, must be at most a quarter of :math:`\bar δ` too, or a thousandth of the estimate. It
+is settled as well if r is no more than rounding errors. Otherwise the state is first improved by
+Newton's method with line search (`surrogate.mechanics.certify.correction`), by 20 steps at most.
+Then δ itself must be at most a tenth of the estimate, not only :math:`\bar δ`, since these steps
+may have led far from the prediction. A prediction whose estimate does not settle is never
+certified, nor is one with an inverted cell, for which there is no estimate.
+
+Quadratic elements have points between the nodes, at which nothing is predicted: they move to where
+they are in equilibrium (`surrogate.mechanics.equilibrium.quadratic`). Errors are those of the
+nodes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from dataclasses import fields as fields_of
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared_schema.common.arguments.checked_arguments import checked_arguments
+from shared_schema.common.keys.units import SI, Units
+from surrogate.mechanics.certify.correction import HALVINGS, searched
+from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
+from surrogate.mechanics.equilibrium.newton_steps import norms
+from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
+
+Array = NDArray[np.float64]
+LAST_PART = 0.1  # largest part of its last step in it
+NEGLIGIBLE = 1e-9  # of the displacement: steps of this size may be rounding errors
+ROUNDS = 20
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """Estimated errors of one prediction, or of N (then every array has N as its first axis).
+
+    Attributes
+    ----------
+    out_of_balance : array, () or (N,)
+        ‖r(u)‖₂ / ‖f‖₂ over the free degrees of freedom.
+    error : array, (n_nodes, d) or (N, n_nodes, d)
+        Estimate of the predicted minus the true displacement in m; infinite if a cell is inverted.
+    relative_error : array, () or (N,)
+        ‖error‖₂ / ‖estimate of the true displacement‖₂.
+    inverted : array of int, () or (N,)
+        Number of inverted cells.
+    settled : array of bool, () or (N,)
+        True if Newton's method contracts, so that the estimate is to be trusted.
+    units : Units
+        Their labels, for messages.
+    """
+
+    out_of_balance: Array
+    error: Array
+    relative_error: Array
+    inverted: NDArray[np.int64]
+    settled: NDArray[np.bool_]
+    units: Units = SI
+
+    @property
+    def mean_error(self) -> Array:
+        """Mean absolute component of the estimated error in m, as the paper's measure e_m."""
+        return np.asarray(np.abs(self.error).mean(axis=(-2, -1)))
+
+    @property
+    def max_error(self) -> Array:
+        """Largest length of the estimated error of a node in m."""
+        return np.asarray(np.linalg.norm(self.error, axis=-1).max(axis=-1))
+
+    @checked_arguments
+    def certified(self, tolerance: float) -> NDArray[np.bool_]:
+        """True where `max_error` is at most `tolerance` in m, and `settled`."""
+        return np.asarray((self.max_error <= tolerance) & self.settled)
+
+    def summary(self) -> str:
+        """Describe the estimated error in a line; of several predictions, means and largest."""
+        count, sound = self.inverted.size, self.inverted == 0
+        unsettled = int((sound & ~self.settled).sum())
+        several = self.inverted.ndim > 0
+        parts = [f"{count} predictions"] if several else []
+        if sound.any():
+            length, ratio = self.units.written, float(self.out_of_balance[sound].max())
+            of_load = f"{100 * ratio:.2g}% of" if ratio < 1 else f"{ratio:.3g} times"
+            parts += [
+                "estimated error by Newton steps "
+                f"{length(float(self.mean_error[sound].mean()))} in the mean",
+                f"{length(float(self.max_error[sound].max()))} at most",
+                f"forces out of balance by {of_load} the load",
+            ]
+        if unsettled:
+            of_them = f"{unsettled} estimates do" if several else "the estimate does"
+            parts.append(f"{of_them} not settle")
+        if not sound.all():
+            of_them = f" in {(~sound).sum()} of them" if several else ""
+            parts.append(f"{self.inverted.sum()} inverted elements{of_them}")
+            parts.append("no estimate of the error")
+        return ", ".join(parts)
+
+    @checked_arguments
+    def refusal(self, tolerance: float) -> str | None:
+        """Say why a prediction is not certified, of several the first such; None if all are."""
+        refused = np.flatnonzero(~self.certified(tolerance))
+        if len(refused) == 0:
+            return None
+        inverted, largest = self.inverted.flat[refused[0]], self.max_error.flat[refused[0]]
+        if inverted:
+            reason = f"{inverted} inverted elements"
+        elif not largest <= tolerance:
+            most = self.units.written(tolerance)
+            reason = f"estimated error {self.units.written(float(largest))} > {most}"
+        else:
+            reason = "the estimate does not settle, no stable equilibrium is near"
+        if self.inverted.ndim == 0:
+            return reason
+        count = f"{len(refused)} of {self.inverted.size} predictions"
+        return f"{count}; number {refused[0]}: {reason}"
+
+
+def certify(equilibrium: Equilibrium, forces: Array, predicted: Array) -> Certificate:
+    """Estimate the errors of predictions.
+
+    Parameters
+    ----------
+    equilibrium : Equilibrium
+    forces, predicted : array, (n_nodes, d) or (N, n_nodes, d)
+        Loads in N, those between the nodes after the nodal ones, and predicted displacements in m.
+        What is predicted for clamped nodes is wholly an error.
+    """
+    shape = predicted.shape
+    f = equilibrium.forces_at_points(forces.reshape(-1, *forces.shape[-2:]))
+    u = predicted.reshape(-1, *shape[-2:])
+    held = equilibrium.at_points(np.where(equilibrium.free[: equilibrium.nodes], u, 0.0), f)
+    inverted = equilibrium.inverted(held)
+    r = equilibrium.out_of_balance(held, f)
+    residual = np.where(inverted == 0, norms(r), np.inf)
+    sound = np.flatnonzero(np.isfinite(residual))
+    truth, settled = np.zeros(held.shape), np.zeros(len(u), dtype=bool)
+    truth[sound], settled[sound] = _settled(equilibrium, f[sound], held[sound])
+    truth, error = truth[:, : equilibrium.nodes], np.full(u.shape, np.inf)
+    error[sound] = u[sound] - truth[sound]
+    load = norms(equilibrium.at_rest(f) * equilibrium.free)
+    return Certificate(
+        out_of_balance=_ratio(residual, load).reshape(shape[:-2]),
+        error=error.reshape(shape),
+        relative_error=_ratio(norms(error), norms(truth)).reshape(shape[:-2]),
+        inverted=inverted.reshape(shape[:-2]),
+        settled=settled.reshape(shape[:-2]),
+        units=equilibrium.units,
+    )
+
+
+def certify_each(
+    equilibrium: Equilibrium, pressure: FollowerPressure, forces: Array, predicted: Array
+) -> Certificate:
+    """Estimate the errors of predictions under pressures that follow the surface.
+
+    Parameters
+    ----------
+    equilibrium : Equilibrium
+        Of the body under dead forces.
+    pressure : FollowerPressure
+        Pressures of every load case.
+    forces, predicted : array, (n_nodes, d) or (N, n_nodes, d)
+        Dead loads in N, and predicted displacements in m, as those of `certify`.
+    """
+    f, u = (fields.reshape(-1, *fields.shape[-2:]) for fields in (forces, predicted))
+    each = [
+        certify(equilibrium.under(pressure[one]), f[one], u[one])
+        for one in (slice(row, row + 1) for row in range(len(u)))
+    ]
+    shape = predicted.shape[:-2]
+    joined = {
+        field.name: np.concatenate([getattr(found, field.name) for found in each])
+        for field in fields_of(Certificate)
+        if field.name != "units"
+    }
+    arrays: dict[str, Any] = {
+        name: values.reshape((*shape, *values.shape[1:])) for name, values in joined.items()
+    }
+    return replace(each[0], **arrays)
+
+
+def _settled(equilibrium: Equilibrium, f: Array, u: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Step from predictions until Newton's method contracts: the estimates of the truth."""
+    truth, settled, going = (
+        equilibrium.relaxed(u, f),
+        np.zeros(len(u), dtype=bool),
+        np.arange(len(u)),
+    )
+    improved = equilibrium.mean_dilation
+    for _ in range(ROUNDS):
+        found = equilibrium.newton_steps(truth[going], f[going])
+        # Improved states must be closer: their first step counts as the last part, not the second.
+        last = norms(found.steps if improved else found.simplified)
+        error = norms(u[going] - truth[going] - found.steps)
+        small = found.contract(error) & (last <= LAST_PART * error)
+        size = norms(truth[going])
+        residual = norms(equilibrium.out_of_balance(truth[going], f[going]))
+        rounding = equilibrium.round_off
+        hidden = residual <= rounding.at_rest + rounding.per_displacement * size
+        contracts = found.stable & (small | hidden | (last <= NEGLIGIBLE * size))
+        truth[going[contracts]] += (found.steps + found.simplified)[contracts]
+        settled[going[contracts]] = True
+        for row, step in zip(going[~contracts], found.steps[~contracts], strict=True):
+            one = slice(row, row + 1)
+            r = equilibrium.out_of_balance(truth[one], f[one])
+            if equilibrium.pressure is None:
+                advanced = searched(equilibrium, f[one], truth[one], r, step[None])
+            else:
+                advanced = equilibrium.damped_step(truth[one], f[one], r, HALVINGS)
+            if advanced is not None:
+                truth[one] = advanced[0]
+        going, improved = going[~contracts], True
+        if len(going) == 0:
+            break
+    return truth, settled
+
+
+def _ratio(part: Array, whole: Array) -> Array:
+    """Quotient of non-negative numbers, 0 if both are 0."""
+    limit = np.where(part == 0, 0.0, np.inf)
+    return np.divide(part, whole, out=limit, where=whole > 0)

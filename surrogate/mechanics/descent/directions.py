@@ -1,0 +1,104 @@
+r"""Directions of one load, by the method of L-BFGS.
+
+From a displacement u, with the out-of-balance forces r(u)
+(`surrogate.mechanics.equilibrium.out_of_balance`), every direction is
+
+.. math:: d = -H r, \qquad H ≈ K(u)^{-1}
+
+(Nocedal and Wright, *Numerical Optimization*, 2006, Algorithm 7.4): the last
+pairs of steps and changes of r correct the P of the present state
+(`surrogate.mechanics.descent.carried_compliance`), from which the recursion begins. A direction
+costs one residual and one P. The step is d itself, unless it inverts a cell, or the force along it
+turns round; then it is shortened. No energy is needed, so that pressures which follow the surface
+and every material are treated alike.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+
+import numpy as np
+from numpy.linalg import norm
+from numpy.typing import NDArray
+
+from surrogate.mechanics.descent.driven_body import DrivenBody, State
+
+Array = NDArray[np.float64]
+PAIRS = 8  # of steps and changes of r that are kept
+SHORTENINGS = 12  # of a step
+GROWN = 5.0  # of the forces out of balance: most that is left by a step
+LEAST = 0.1  # of a step: what one shortening leaves, where the force along d rises steeply
+TURNED = 0.9  # of the force along a direction: largest one of the other sign after a step
+CURVED = 1e-8  # of the norms of a pair: smallest work of one that is kept
+
+
+class Directions:
+    """Directions of one load.
+
+    Parameters
+    ----------
+    body : DrivenBody
+    force : array, (n_points, d)
+        Dead forces in N.
+    """
+
+    def __init__(self, body: DrivenBody, force: Array) -> None:
+        self.body, self.force = body, force
+        self._pairs: deque[tuple[Array, Array, float]] = deque(maxlen=PAIRS)
+
+    def from_linear_response(self) -> State:
+        """The warped linear response, or the largest part of it that inverts no cell."""
+        equilibrium, warped = self.body.equilibrium, self.body.compliance.warped
+        linear = equilibrium.linear_response(equilibrium.at_rest(self.force[None]))[0]
+        while (found := self.body.state(warped(linear), self.force)) is None:
+            linear = linear / 2
+        return found
+
+    def direction(self, state: State) -> Array:
+        """The direction d = −H r, (n_points, d) in m, along which r does negative work."""
+        carried = self.body.compliance.at(state.u)
+        d = self._recursion(carried, state.r)
+        if self._pairs and not float(np.vdot(d, state.r)) < 0:
+            self._pairs.clear()
+            d = -carried(state.r)
+        return d
+
+    def step(self, state: State, d: Array) -> State | None:
+        """Go along a direction; None if no part of it is good, and nothing is left to forget."""
+        work, part = float(np.vdot(d, state.r)), 1.0
+        if not work < 0:
+            return None
+        for _ in range(SHORTENINGS):
+            found = self.body.state(state.u + part * d, self.force)
+            if found is None or norm(found.r) > GROWN * norm(state.r):
+                part /= 2
+                continue
+            after = float(np.vdot(d, found.r))
+            if after <= -TURNED * work:
+                self._remember(part * d, found.r - state.r)
+                return found
+            part *= max(LEAST, work / (work - after))  # no force along d there, if it is linear
+        return None
+
+    def forget(self) -> bool:
+        """Leave the pairs out of the next direction; False if there are none."""
+        some = bool(self._pairs)
+        self._pairs.clear()
+        return some
+
+    def _remember(self, s: Array, y: Array) -> None:
+        work = float(np.vdot(s, y))
+        if work > CURVED * float(np.linalg.norm(s)) * float(np.linalg.norm(y)):
+            self._pairs.append((s, y, work))
+
+    def _recursion(self, carried: Callable[[Array], Array], r: Array) -> Array:
+        """−H r by the two loops of L-BFGS."""
+        q, shares = r, []
+        for s, y, work in reversed(self._pairs):
+            shares.append(float(np.vdot(s, q)) / work)
+            q = q - shares[-1] * y
+        found = carried(q)
+        for (s, y, work), share in zip(self._pairs, reversed(shares), strict=True):
+            found = found + (share - float(np.vdot(y, found)) / work) * s
+        return -found

@@ -1,0 +1,149 @@
+r"""The linear response of the undeformed body to forces on the grid.
+
+.. math:: U_{lin} = A K^{-1} A^T F
+
+K is the stiffness of the undeformed body with its supports. A takes nodal displacements to the grid
+(`shared_schema.grid`), and its transpose takes forces from the grid to nodes with the same work. On
+a grid whose points are nodes this is :math:`u_{lin} = K^{-1} f` itself. On an embedded grid the
+force of a grid point is distributed over the nodes around it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from shared_schema.common.errors import InputError
+from shared_schema.materials import Materials
+from surrogate.mechanics.body.geometry import Geometry
+from surrogate.mechanics.equilibrium.block_solve import BlockSolve
+from surrogate.mechanics.equilibrium.compliance import Compliance
+from surrogate.mechanics.equilibrium.nodal_gradient import nodal_gradient
+from surrogate.mechanics.equilibrium.weighted_sums import WeightedSums, padded_rows, transposed
+
+AT_ONCE = 256  # samples
+
+
+class LinearResponse(nn.Module):
+    """Grid forces in N to the linear response in m and its gradient, both on the grid.
+
+    Parameters
+    ----------
+    geometry : Geometry
+    material : ShippedMaterial, or tuple of some
+    gradient : bool
+        Also compute the gradient.
+    precision : torch.dtype
+        Of K⁻¹.
+    on_points : bool
+        Whether K is that of elements with all their points; otherwise of linear ones on the nodes.
+
+    Attributes
+    ----------
+    compliance : Compliance
+    gradient_rms : Tensor, ()
+        Root mean square of the gradients under the training forces; 1 until `scale_gradient`.
+    """
+
+    gradient_rms: Tensor
+
+    def __init__(
+        self,
+        geometry: Geometry,
+        material: Materials,
+        gradient: bool = True,
+        precision: torch.dtype = torch.float32,
+        on_points: bool = False,
+    ) -> None:
+        super().__init__()
+        grid, self.nodes = geometry.grid, len(geometry.coordinates)
+        self.shape = grid.shape
+        self.compliance: Compliance | BlockSolve = Compliance(
+            geometry, material, precision, on_points
+        )
+        sources = np.maximum(grid.sources, 0).reshape(-1, grid.sources.shape[-1])
+        weights = grid.source_weights.reshape(sources.shape)
+        self.to_grid = WeightedSums(sources, weights)
+        self.to_nodes = WeightedSums(*transposed(sources, weights, self.nodes))
+        operators = []
+        if gradient:
+            operators = nodal_gradient(geometry.coordinates, geometry.cells, geometry.cell_type)
+        self.derivatives = nn.ModuleList(WeightedSums(*padded_rows(o)) for o in operators)
+        self.register_buffer("gradient_rms", torch.ones(()))
+
+    def _load_from_state_dict(self, state: dict[str, Tensor], prefix: str, *others: object) -> None:
+        state.pop(prefix + "compliance", None)  # stored in runs before 0.2
+        super()._load_from_state_dict(state, prefix, *others)
+
+    @torch.no_grad()
+    def scale_gradient(self, force: Tensor) -> None:
+        """Measure the gradients under the forces of the training samples, (N, d, nx, ny[, nz])."""
+        total, count = torch.zeros((), dtype=torch.float64), 0
+        for batch in torch.split(force, AT_ONCE):
+            nodal = self.at_nodes(batch).float()
+            gradient = self.fields_on_grid(nodal, self.slopes(nodal))[1]
+            total, count = total + gradient.double().square().sum().cpu(), count + gradient.numel()
+        rms = (total / count).sqrt()
+        self.gradient_rms.copy_(torch.where(rms > 0, rms, torch.ones_like(rms)))
+
+    def forward(self, force: Tensor, response: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """Respond to forces.
+
+        Parameters
+        ----------
+        force : Tensor, (N, d, nx, ny[, nz])
+            In N.
+        response : Tensor, (N, d, n_nodes), optional
+            The linear response at the nodes in m, if it is known.
+
+        Returns
+        -------
+        displacement : Tensor, (N, d, nx, ny[, nz])
+            U_lin in m; zero where the grid has no value.
+        gradient : Tensor, (N, d², nx, ny[, nz])
+            ∂u_lin,i / ∂x_j over `gradient_rms`, channel i + d j; no channels without `gradient`.
+        """
+        if torch.compiler.is_exporting():  # loops in a file know nothing of the precision around
+            return self.fields(force, response)
+        with torch.autocast(force.device.type, enabled=False):
+            return self.fields(force, response)
+
+    def fields(self, force: Tensor, response: Tensor | None) -> tuple[Tensor, Tensor]:
+        """Return what `forward` does."""
+        return self.on_grid(self.at_nodes(force) if response is None else response)
+
+    def at_nodes(self, force: Tensor) -> Tensor:
+        """Respond at the nodes, in m: (N, d, nx, ny[, nz]) → (N, d, n_nodes)."""
+        return self.respond(self.to_nodes(force.flatten(2)))
+
+    def respond(self, forces: Tensor) -> Tensor:
+        """K⁻¹ f, zero at clamped nodes: (N, d, n_nodes) → same."""
+        free = self.compliance.free_nodes
+        at_free = forces.index_select(2, free)
+        u = self.compliance(at_free.flatten(1)).reshape(at_free.shape)
+        return u.new_zeros(forces.shape).index_copy(2, free, u)
+
+    def on_grid(self, nodal: Tensor) -> tuple[Tensor, Tensor]:
+        """Return what `forward` does, of a response at the nodes: (N, d, n_nodes)."""
+        nodal = nodal.float()
+        return self.fields_on_grid(nodal, self.slopes(nodal) / self.gradient_rms)
+
+    def slopes(self, nodal: Tensor) -> Tensor:
+        """∂u_i / ∂x_j at the nodes, (N, d², n_nodes); no channels without `gradient`."""
+        of_axes = [of(nodal) for of in self.derivatives]
+        return torch.cat(of_axes, dim=1) if of_axes else nodal[:, :0]
+
+    def fields_on_grid(self, *nodal: Tensor) -> tuple[Tensor, Tensor]:
+        """Return the first field on the grid, and all others: (N, channels, n_nodes) each."""
+        fields = torch.cat(nodal, dim=1)
+        grid = self.to_grid(fields).reshape(*fields.shape[:2], *self.shape)
+        first = nodal[0].shape[1]
+        return grid[:, :first], grid[:, first:]
+
+
+def required(material: Materials | None) -> Materials:
+    """Return the material; InputError if there is none."""
+    if material is None:
+        raise InputError("the linear response expects the material of the body, found none")
+    return material

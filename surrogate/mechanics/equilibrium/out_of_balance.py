@@ -1,0 +1,400 @@
+r"""Equilibrium of a solid under nodal forces: out-of-balance forces and Newton steps.
+
+.. math::
+    r(u) = f_{int}(u) - f = \frac{∂Π}{∂u}, \qquad Π(u) = E(u) - f · u, \qquad
+    δ(u) = -K(u)^{-1} r(u), \qquad K = \frac{∂f_{int}}{∂u}
+
+at the free degrees of freedom; held ones do not move. Equilibrium is r = 0, and δ is the step
+of Newton's method towards it. Where K is not positive definite, δ is computed with K + τ K(0)
+instead, with the first :math:`τ = 0.1 · 4^k` that is sufficient, so that Π decreases along δ.
+
+Under pressures that follow the surface (`surrogate.mechanics.equilibrium.follower_pressure`),
+
+.. math:: r(u) = f_{int}(u) - f - f_p(u), \qquad K = \frac{∂f_{int}}{∂u} - \frac{∂f_p}{∂u}.
+
+K is not symmetric in general, so that Π does not exist; δ is always that of K itself. A state
+counts as stable where the symmetric part of K is positive definite: then every small displacement
+takes work. Springs to a rigid tool (`surrogate.mechanics.touch.tool_springs`) add to Π, r and K.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from copy import copy
+from dataclasses import replace
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from shared_schema.common.bodies.force_tolerance import RoundOff, mean_edge
+from shared_schema.common.bodies.imperfection import imperfection
+from shared_schema.common.bodies.quadratic.quadratic_cells import LINEAR
+from shared_schema.common.keys.units import SI
+from shared_schema.materials import Materials, as_tuple
+from surrogate.mechanics.body.geometry import Geometry
+from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
+from surrogate.mechanics.equilibrium.newton_steps import NewtonSteps, norms
+from surrogate.mechanics.matrices.factors import Factor, SymmetricFactor
+from surrogate.mechanics.matrices.layout import Layout
+from surrogate.mechanics.matrices.saddle_point import saddle_point_layout
+from surrogate.mechanics.solids.mean_dilation import MeanDilationSolid
+from surrogate.mechanics.solids.solid import Solid
+from surrogate.mechanics.solids.taylor_hood import TaylorHoodSolid
+from surrogate.mechanics.touch.tool_springs import ToolSprings
+from surrogate.runtime.time_limit import require_time
+
+Array = NDArray[np.float64]
+FIRST_SHIFT, SHIFT_GROWTH = 0.1, 4.0  # of τ
+LEAST_SHIFT, INVERSE_ITERATIONS = 1e-8, 30  # of c, and for a mode
+EPSILON = float(np.finfo(np.float64).eps)
+AT_ONCE = 2**23  # entries of bands and cell matrices that are held at once: 64 MB
+
+
+class Equilibrium:
+    """Equilibria of one body, in double precision.
+
+    Displacements (N, n_nodes, d) are in m and forces, of the same shape, in N. Elements may have
+    points between the nodes (`surrogate.mechanics.equilibrium.quadratic`); displacements and forces
+    then hold those of all points, the nodes first.
+
+    Parameters
+    ----------
+    geometry : Geometry
+    material : ShippedMaterial, or tuple of some
+
+    Attributes
+    ----------
+    geometry : Geometry
+        Its nodes are all points of the elements.
+    nodes : int
+        Number of the points that are nodes of the mesh.
+    solid : Solid
+    mean_dilation : bool
+        Whether the volumes of its cells change as a whole.
+    layout : Layout
+        Order of the free degrees of freedom in K.
+    free : array of bool, (n_nodes, d)
+        Components that are not held.
+    cell_size : float
+        Mean length in m of one edge of the cells.
+    rounding : float
+        Bound of the rounding error of Π in J: 10 ε (λ + μ) times the body's volume.
+    pressure : FollowerPressure or None
+        Pressures of one load case, which act on all displacements (`under`).
+    springs : ToolSprings or None
+        Springs to a tool, which push all displacements (`against`).
+    units : Units
+        Labels of what is computed here, for messages.
+    """
+
+    pressure: FollowerPressure | None = None
+    springs: ToolSprings | None = None
+
+    def __init__(self, geometry: Geometry, material: Materials) -> None:
+        body = geometry.coordinates, geometry.cells, geometry.cell_type
+        self.geometry, self.nodes = geometry, len(geometry.coordinates)
+        self.solid = solid_kind(geometry)(*body, material, geometry.parts, geometry.fibres)
+        self.mean_dilation, self.free = geometry.mean_dilation, ~geometry.held
+        moduli = max(m.lame_lambda + m.lame_mu for m in as_tuple(material))
+        self.rounding = 10 * EPSILON * moduli * float(self.solid.volumes.sum())
+        self.units = SI
+        self._size = geometry.coordinates.size
+        self.cell_size = mean_edge(geometry.coordinates, geometry.cells)
+        if isinstance(self.solid, TaylorHoodSolid):
+            corners = self.solid.corners.shape[1]
+            units = self.cell_size, 2 * moduli  # λ + 2μ or more
+            self.layout = saddle_point_layout(geometry.cells, geometry.held, corners, *units)
+        else:
+            self.layout = Layout.of(geometry.coordinates, geometry.cells, geometry.held)
+        per_sample = self.layout.entries
+        per_sample += self.solid.cells.numel() * self.solid.cells.shape[1] * geometry.dimension**2
+        self._at_once = max(1, AT_ONCE // per_sample)
+
+    def under(self, pressure: FollowerPressure) -> Equilibrium:
+        """Return equilibria of the same body, under the pressures of one load case as well."""
+        body, at = self._same_body(), self.geometry.coordinates  # those of all points
+        body.pressure = replace(pressure, coordinates=at) if pressure.pressures.any() else None
+        return body
+
+    def against(self, springs: ToolSprings) -> Equilibrium:
+        """Return equilibria of the same body with springs to a tool."""
+        body = self._same_body()
+        body.springs = springs
+        return body
+
+    def _same_body(self) -> Equilibrium:
+        """A copy, whose factor of K(0) is that of this body."""
+        body, known = copy(self), {"undeformed": self.undeformed, "round_off": self.round_off}
+        body.__dict__.update(known)
+        return body
+
+    def at_points(self, u: Array, f: Array) -> Array:
+        """Displacements of all points by those of the nodes in m, under forces f on all in N."""
+        return u
+
+    def interpolated(self, u: Array) -> Array:
+        """Displacements of all points in m, those between the nodes by interpolation."""
+        return u
+
+    def forces_at_points(self, f: Array) -> Array:
+        """Forces on all points by those of a load (`surrogate.mechanics.equilibrium.quadratic`), in N."""
+        return f
+
+    def forces_at_nodes(self, f: Array) -> Array:
+        """Forces on the nodes that do the work of those on all points, in N."""
+        return f
+
+    def load_of(self, f: Array) -> Array:
+        """The load that makes forces on all points: the inverse of `forces_at_points`."""
+        return np.concatenate([self.forces_at_nodes(f), f[:, self.nodes :]], axis=1)
+
+    def imperfection(self) -> Array:
+        """Imperfection of the body at all points, (n_nodes, d)."""
+        return imperfection(self.free.shape)
+
+    def at_rest(self, f: Array) -> Array:
+        """Forces on the undeformed body, those of pressures too: (N, n_nodes, d) in N → same."""
+        return f if self.pressure is None else f + self.pressure.at_rest
+
+    def inverted(self, u: Array) -> NDArray[np.int64]:
+        """Number of inverted cells, (N,); a cell with a NaN counts as well."""
+        return self.solid.compiled.inverted(u)
+
+    def potential(self, u: Array, f: Array) -> Array:
+        """Π(u) under dead forces in J, (N,); +∞ if a cell is inverted."""
+        energy = self.solid.energy(torch.from_numpy(u)).numpy()
+        potential: Array = energy - (u * f).sum((1, 2))
+        if self.springs is not None:
+            potential += [self.springs.potential(each) for each in u]
+        potential[np.isnan(potential)] = np.inf
+        return potential
+
+    def out_of_balance(self, u: Array, f: Array) -> Array:
+        """r(u) in N, (N, n_nodes, d); zero at clamped nodes."""
+        require_time()
+        r = self.solid.compiled.internal_forces(u) - self.external(u, f)
+        r *= self.free
+        return r
+
+    def external(self, u: Array, f: Array) -> Array:
+        """Forces f, and those of pressures and springs on the deformed body, in N."""
+        if self.pressure is not None:
+            f = f + self._pressures_of(u).forces(u)
+        return f if self.springs is None else f + [self.springs.forces(each) for each in u]
+
+    def newton_step(
+        self, u: Array, r: Array, first_shift: float = FIRST_SHIFT
+    ) -> tuple[Array, bool]:
+        """Return δ in m of a single displacement without inverted cells, (1, n_nodes, d).
+
+        The second result is True if K(u) is positive definite. `first_shift` is the first τ.
+        """
+        factor, stable = self._factors(u, first_shift)[0]
+        return self._solved([factor], r), stable
+
+    def unstable_mode(self, u: Array) -> Array | None:
+        """Lowest mode of a K(u) that is not positive definite, (1, n_nodes, d); None if it is.
+
+        The mode v is that of least :math:`v^T K v` among all with :math:`v^T D v = 1`, with the
+        diagonal D of K(0). Inverse iteration with :math:`K + c D`, which is positive definite,
+        finds it from the body's imperfection, and with it which of v and −v.
+        """
+        layout = self.layout
+        (tangent,) = self._tangents(u)
+        if layout.factor(tangent) is not None:
+            return None
+        metric, shift, factor = layout.diagonal(self._at_rest), LEAST_SHIFT, None
+        while factor is None:
+            factor = layout.factor(layout.on_springs(tangent, shift * metric))
+            shift *= SHIFT_GROWTH
+        found = self.imperfection().ravel()[self.layout.dofs]
+        for _ in range(INVERSE_ITERATIONS):
+            found = factor.solve(metric * found)
+            found /= np.linalg.norm(found)
+        mode = np.zeros((1, self._size))
+        mode[0, self.layout.dofs] = found
+        return mode.reshape(u.shape)
+
+    def distance(self, u: Array, f: Array) -> float:
+        """‖δ‖ in m of a single displacement (1, n_nodes, d), infinite if a cell is inverted."""
+        if not np.isfinite(u).all() or self.inverted(u)[0]:
+            return np.inf
+        return float(norms(self.newton_step(u, self.out_of_balance(u, f))[0])[0])
+
+    def damped_step(
+        self, u: Array, f: Array, r: Array, halvings: int
+    ) -> tuple[Array, Array] | None:
+        r"""Step to a state that is closer to equilibrium, by the simplified step from there.
+
+        With the largest :math:`α = 2^{-m}` for which :math:`‖K(u)^{-1} r(u + α δ)‖ \le (1 -
+        α / 4) \, ‖δ‖` (Deuflhard 2004, Section 3.3). It needs no Π.
+
+        Parameters
+        ----------
+        u, f, r : array, (1, n_nodes, d)
+            Displacement without inverted cells in m, dead forces and r(u) in N.
+        halvings : int
+            Largest m.
+
+        Returns
+        -------
+        tuple of array, or None
+            The next displacement, and r there; None if there is no such step.
+        """
+        factor, _ = self._factors(u)[0]
+        step = self._solved([factor], r)
+        for halving in range(halvings):
+            part = 0.5**halving
+            trial = u + part * step
+            if self.inverted(trial)[0]:
+                continue
+            new = self.out_of_balance(trial, f)
+            if norms(self._solved([factor], new))[0] <= (1 - part / 4) * norms(step)[0]:
+                return trial, new
+        return None
+
+    def relaxed(self, u: Array, f: Array) -> Array:
+        """Make the volumes of the cells right by a step, if they change as a whole.
+
+        Where that leads to inverted cells, or the relaxed tangent is not positive definite,
+        displacements stay as they are: (N, n_nodes, d) in m, without inverted cells → same, an
+        array of its own.
+        """
+        found = u.copy()
+        if not isinstance(self.solid, MeanDilationSolid | TaylorHoodSolid):
+            return found
+        r = self.out_of_balance(u, f)
+        for row in range(len(u)):
+            one = slice(row, row + 1)
+            cells = self.solid.compiled.cell_tangents(u[one], relaxed=True)
+            factor = self.layout.factor(self.layout.assembled(cells)[0])
+            if factor is not None:
+                trial = u[one] + self._solved([factor], r[one])
+                found[one] = trial if self.inverted(trial)[0] == 0 else u[one]
+        return found
+
+    def newton_steps(
+        self, u: Array, f: Array, residual: Callable[[Array, Array], Array] | None = None
+    ) -> NewtonSteps:
+        """Return δ, and two simplified steps after it, at displacements without inverted cells.
+
+        `residual` may compute r in N of displacements and forces, NaN where a cell is inverted.
+        """
+        residual = residual or self._finite_residual
+        steps, simplified, further = np.zeros((3, *u.shape))
+        stable = np.zeros(len(u), dtype=bool)
+        for start in range(0, len(u), self._at_once):
+            some = slice(start, start + self._at_once)
+            factors, is_stable = zip(*self._factors(u[some]), strict=True)
+            steps[some] = self._solved(factors, residual(u[some], f[some]))
+            trial = u[some] + steps[some]
+            simplified[some] = self._solved(factors, residual(trial, f[some]))
+            trial += simplified[some]
+            further[some] = self._solved(factors, residual(trial, f[some]))
+            stable[some] = is_stable
+        return NewtonSteps(steps, simplified, further, stable)
+
+    def _finite_residual(self, u: Array, f: Array) -> Array:
+        """r(u) in N, (N, n_nodes, d); NaN where a cell is inverted or a number is not finite."""
+        residual = self.out_of_balance(u, f)
+        residual[(self.inverted(u) > 0) | ~np.isfinite(residual).all((1, 2))] = np.nan
+        return residual
+
+    def linear_response(self, f: Array) -> Array:
+        """K(0)⁻¹ f in m, (N, n_nodes, d), of a factorisation that is kept."""
+        require_time()
+        return self.solved_by(self.undeformed, f)
+
+    def response_at(self, u: Array) -> Callable[[Array], Array] | None:
+        """K(u)⁻¹ of a single displacement (n_nodes, d); None if K is not positive definite.
+
+        It takes changes of the forces in N to those of the displacements in m, both (N, n_nodes,
+        d).
+        """
+        factor, stable = self._factors(u[None])[0]
+        return partial(self.solved_by, factor) if stable else None
+
+    def solved_by(self, factor: Factor, f: NDArray[Any]) -> NDArray[Any]:
+        """K⁻¹ f in m by factors in the order of `layout`, in the precision of f in N.
+
+        From (N, n_nodes, d) to the same.
+        """
+        forces = f.reshape(len(f), self._size)
+        response = np.zeros_like(forces)
+        response[:, self.layout.dofs] = factor.solve(forces[:, self.layout.dofs].T).T
+        return response.reshape(f.shape)
+
+    @cached_property
+    def undeformed(self) -> SymmetricFactor:
+        """The factor of K(0), in the order of `layout`; ValueError if K(0) is singular."""
+        at_rest = torch.zeros(1, *self.free.shape, dtype=torch.float64)
+        factor = self.layout.factor(self.layout.assembled(self.solid.cell_tangents(at_rest))[0])
+        if factor is None:
+            raise ValueError("the stiffness of the body is singular; supports are missing")
+        return factor
+
+    @cached_property
+    def round_off(self) -> RoundOff:
+        """Rounding errors of r."""
+        diagonal = self.layout.diagonal(self._at_rest)
+        return RoundOff.of(float(np.linalg.norm(diagonal)), diagonal.max(), self.cell_size)
+
+    def _factors(self, u: Array, first_shift: float = FIRST_SHIFT) -> list[tuple[Factor, bool]]:
+        """Factorise every K(u), or K(u) + τ K(0); say whether K(u) is stable."""
+        found: list[tuple[Factor, bool]] = []
+        if self.pressure is not None:
+            return [self._factor_under_pressure(u[row : row + 1]) for row in range(len(u))]
+        for tangent in self._tangents(u):
+            factor = self.layout.factor(tangent)
+            shifted = factor or self._shifted(tangent, first_shift)
+            found.append((shifted, factor is not None))
+        return found
+
+    def _factor_under_pressure(self, u: Array) -> tuple[Factor, bool]:
+        """Factorise K(u) of a single displacement, or K(0); say whether K(u) is stable."""
+        surfaces = [(facets, blocks) for _, facets, blocks in self._pressures_of(u).tangents(u)]
+        factor, stable = self.layout.under_pressure(self._tangents(u)[0], surfaces)
+        return factor or self.undeformed, stable
+
+    def _pressures_of(self, u: Array) -> FollowerPressure:
+        """Pressures on every displacement."""
+        assert self.pressure is not None
+        return self.pressure[np.zeros(len(u), dtype=np.int64)]
+
+    def _solved(self, factors: Sequence[Factor], r: Array) -> Array:
+        """-K⁻¹ r of every sample, zero at clamped nodes; NaN where r is NaN."""
+        each = zip(factors, r, strict=True)
+        return -np.concatenate([self.solved_by(factor, one[None]) for factor, one in each])
+
+    def _tangents(self, u: Array) -> list[Array]:
+        """K(u) of every displacement, as `layout` assembles them."""
+        tangents = self.layout.assembled(self.solid.compiled.cell_tangents(u))
+        if self.springs is None:
+            return tangents
+        pairs = zip(tangents, u, strict=True)
+        return [self.layout.with_facets(k, *self.springs.tangent(each)) for k, each in pairs]
+
+    @property
+    def _at_rest(self) -> Array:
+        """K(0)."""
+        return self.layout.assembled(self.solid.stiffness_at_rest())[0]
+
+    def _shifted(self, tangent: Array, shift: float) -> Factor:
+        """Factorise K(u) + τ K(0); K(0) if no τ is sufficient."""
+        undeformed = self._at_rest
+        while shift < 1 / EPSILON:
+            factor = self.layout.factor(tangent + shift * undeformed)
+            if factor is not None:
+                return factor
+            shift *= SHIFT_GROWTH
+        return self.undeformed
+
+
+def solid_kind(geometry: Geometry) -> type[Solid]:
+    """Kind of the solid of a body."""
+    if not geometry.mean_dilation:
+        return Solid
+    return TaylorHoodSolid if geometry.cell_type in LINEAR else MeanDilationSolid

@@ -1,0 +1,139 @@
+r"""Equilibrium of a body of quadratic elements, whose predictions are those of its nodes.
+
+The *points* of the elements are the nodes of the mesh, that is the corners :math:`u_c` of the
+cells, and the points between them, :math:`u_m`. In any state, the points between the nodes are
+where they are in equilibrium with the load: with the forces g on them,
+
+.. math:: u_m(u_c) = \arg\min_{u_m} E(u_c, u_m) - g · u_m.
+
+Newton's method with a line search finds them from their linear interpolation, in `incompressible`
+triangles and tetrahedra after a step that makes the volumes right. So a displacement of
+the nodes is one of all points, and the error of a prediction is not that of the interpolation: at
+the nodes of an equilibrium, the points are those of the equilibrium itself. Under pressures on them
+there is no such energy: every step is one under the pressures' forces as they are.
+
+A *load* is one array of the nodal forces f, and after these, if there are any, the forces g of the
+points between the nodes (`shared_schema.common.bodies.quadratic.points_between`). f does the work
+of all forces in displacements that are linear in the cells. Without g, forces act at the nodes
+alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared_schema.common.bodies.imperfection import imperfection
+from shared_schema.common.bodies.quadratic.quadratic_cells import NAMES
+from shared_schema.materials import Materials
+from surrogate.mechanics.body.geometry import Geometry
+from surrogate.mechanics.equilibrium.newton_steps import norms
+from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
+
+Array = NDArray[np.float64]
+ITERATIONS, HALVINGS = 20, 20  # of the points between the nodes
+SMALL = 1e-9  # of the displacement: a step after which the next one is a rounding error
+
+
+class QuadraticEquilibrium(Equilibrium):
+    """Equilibria of one body of quadratic elements; displacements and forces are of its points.
+
+    Parameters
+    ----------
+    geometry : Geometry
+        Of the nodes.
+    material : ShippedMaterial, or tuple of some
+
+    Attributes
+    ----------
+    points : PointsBetween
+    """
+
+    def __init__(self, geometry: Geometry, material: Materials) -> None:
+        self.points = geometry.points_between
+        super().__init__(on_points(geometry), material)
+        self._material, self.nodes = material, len(geometry.coordinates)
+
+    def at_points(self, u: Array, f: Array) -> Array:
+        """Displacements of all points by those of the nodes, in m, under forces on all in N.
+
+        From (N, n_nodes, d) to (N, n_points, d). The points between are interpolated where cells
+        are inverted.
+        """
+        found = self.interpolated(u)
+        for row in np.flatnonzero(self.inverted(found) == 0):
+            one = slice(row, row + 1)
+            found[one] = self._balanced(found[one], f[one])
+        return found
+
+    def interpolated(self, u: Array) -> Array:
+        """Displacements of all points in m: (N, n_nodes, d) → (N, n_points, d)."""
+        return self.points.interpolated(u)
+
+    def forces_at_points(self, f: Array) -> Array:
+        """Forces on all points by those of a load, in N: (N, n_nodes or n_points, d) → latter."""
+        between = f[:, self.nodes :]
+        if between.shape[1] == 0:
+            between = np.zeros((len(f), self.points.between, f.shape[2]))
+        return self.points.on_points(f[:, : self.nodes], between)
+
+    def forces_at_nodes(self, f: Array) -> Array:
+        """Forces on the nodes that do the work of those on all points: the inverse shapes."""
+        return self.points.on_nodes(f)
+
+    def imperfection(self) -> Array:
+        """Imperfection of the nodes, interpolated."""
+        d = self.geometry.dimension
+        return self.interpolated(imperfection((self.nodes, d)))
+
+    @cached_property
+    def held_at_nodes(self) -> Equilibrium:
+        """The same body, whose nodes are held."""
+        held = ~self.free
+        held[: self.nodes] = True
+        return Equilibrium(replace(self.geometry, single=held), self._material)
+
+    def _balanced(self, u: Array, f: Array) -> Array:
+        """Move the points between the nodes to their equilibrium, (1, n_points, d)."""
+        body, pressure = self.held_at_nodes, self.pressure
+        pressed = None if pressure is None or pressure.points is None else body.under(pressure)
+        u = body.relaxed(u, f)
+        for _ in range(ITERATIONS):
+            lowered = lower(body, u, f if pressed is None else pressed.external(u, f))
+            if lowered is None:
+                break
+            size, u = norms(lowered - u), lowered
+            if size <= SMALL * norms(u):
+                break
+        return u
+
+
+def lower(body: Equilibrium, u: Array, f: Array) -> Array | None:
+    """Newton step under dead forces, halved until Π is no higher: the next state.
+
+    All arrays are (1, n_points, d); None if there is no such step.
+    """
+    step, _ = body.newton_step(u, body.out_of_balance(u, f))
+    potential = body.potential(u, f)
+    for halving in range(HALVINGS):
+        trial = u + 0.5**halving * step
+        if body.potential(trial, f) <= potential + body.rounding:
+            return trial
+    return None
+
+
+def on_points(geometry: Geometry) -> Geometry:
+    """Geometry of all points of quadratic elements; grid and groups stay those of the nodes."""
+    points = geometry.points_between
+    held = points.held(geometry.held)
+    return replace(
+        geometry,
+        coordinates=points.interpolated(geometry.coordinates),
+        cells=points.cells,
+        cell_type=NAMES[geometry.cell_type],
+        clamped=np.asarray(held.all(axis=1)),
+        single=held,
+    )

@@ -1,0 +1,75 @@
+"""Stresses and reactions of given displacements, as the factory's finite elements have them."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from shared_schema.common.bodies.quadratic.quadratic_cells import LINEAR
+from shared_schema.common.bodies.reference_cells import CORNERS
+from shared_schema.common.bodies.stress_fields import stress_fields
+from surrogate.mechanics.body.geometry import Geometry
+from surrogate.mechanics.energy.law import law_of
+from surrogate.mechanics.solids.deformation import completed, determinant
+from surrogate.mechanics.solids.elements import gradients_at
+from surrogate.mechanics.solids.mean_dilation import MeanDilationSolid
+from surrogate.mechanics.solids.solid import Points, Solid, density_at, stress_at
+from surrogate.mechanics.solids.taylor_hood import TaylorHoodSolid
+
+Array = NDArray[np.float64]
+
+
+def cell_stresses(solid: Solid, geometry: Geometry, displacement: Array) -> dict[str, Array]:
+    """Fields of stress at the middle of every cell, where the volumes of cells change: of F̄.
+
+    Parameters
+    ----------
+    solid : Solid
+    geometry : Geometry
+    displacement : array, (N, n_nodes, d)
+        In m.
+
+    Returns
+    -------
+    dict of array, (N, n_cells, …)
+        By the names of `shared_schema.common.bodies.stress_fields`.
+    """
+    cell_type = LINEAR.get(geometry.cell_type, geometry.cell_type)
+    middle = np.mean(CORNERS[cell_type], axis=0)[None]
+    mesh = geometry.coordinates, geometry.cells, geometry.cell_type
+    gradients = gradients_at(*mesh, middle)[0][:, 0]
+    h = np.einsum("ncbi,cbj->ijcn", displacement[:, geometry.cells], gradients)
+    identity = np.eye(geometry.dimension)[:, :, None, None]
+    gradient = torch.from_numpy(h + identity)
+    if isinstance(solid, MeanDilationSolid | TaylorHoodSolid):  # F̄ of the cell's dilation
+        ratio = solid.dilation(torch.from_numpy(displacement)) / determinant(gradient)
+        gradient = ratio ** (1 / geometry.dimension) * gradient
+    f = completed(gradient[..., None])
+    laws = [law_of(material, 3) for material in solid.materials]
+    fibres = solid.fibres
+    if fibres is not None and fibres.shape[1] == 2:  # in the plane
+        fibres = torch.cat([fibres, torch.zeros_like(fibres[:, :1])], dim=1)
+    p, w = (
+        solid.by_law(field, Points(f, fibres=fibres), laws) for field in (stress_at, density_at)
+    )
+    of_cells = f[..., 0].permute(3, 2, 0, 1).numpy()
+    first_piola = p[..., 0].permute(3, 2, 0, 1).numpy()
+    return stress_fields(of_cells, first_piola, w[..., 0].T.numpy())
+
+
+def reactions(solid: Solid, geometry: Geometry, displacement: Array, acting: Array) -> Array:
+    """Forces of the supports on the body: (N, n_nodes, d) in N, zero where nothing is held.
+
+    Parameters
+    ----------
+    solid : Solid
+    geometry : Geometry
+    displacement : array, (N, n_nodes, d)
+        In m.
+    acting : array, (N, n_nodes, d)
+        Forces in N, with those that pressures have on the deformed body. What of them acts where
+        the body is held, the supports bear as well.
+    """
+    internal = solid.internal_forces(torch.from_numpy(displacement)).numpy()
+    return np.where(geometry.held, internal - acting, 0.0)

@@ -1,0 +1,134 @@
+r"""Displacement fields in equilibrium of the finite elements, and their derivatives.
+
+With the unit forces and pressures of the parameters, and with the internal forces :math:`f_z` of a
+zone whose Young's modulus :math:`E_z = E_{z,0} \, e^{φ_z}` is sought, which are proportional to it,
+
+.. math:: \frac{∂u}{∂θ} = K(u)^{-1} \Big(\frac{∂f}{∂θ} + \frac{∂f_p(u)}{∂θ}\Big), \qquad
+          \frac{∂u}{∂φ_z} = -K(u)^{-1} f_z(u), \qquad
+          f_z(u) = f_{int}(u; 2 E_z) - f_{int}(u; E_z).
+
+The body is another one for all moduli of zones, so that there are no predictions of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from shared_schema.common.errors import InputError, WorkError
+from shared_schema.materials import Materials, YoungPoisson, as_tuple
+from surrogate.mechanics.certify.correction import correct, stable_state
+from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
+from surrogate.mechanics.identification.responses import Response
+from surrogate.mechanics.identification.unknowns import Unknowns
+from surrogate.mechanics.solids.solid import Solid
+from surrogate.mechanics.touch.body import predicted
+
+Array = NDArray[np.float64]
+START = "last moduli of the zones"
+
+
+class EquilibriumResponse(Response):
+    """Equilibria of the finite elements; parameters as in `Response`, of zones as well."""
+
+    _last: Array | None = None  # equilibrium in m, from which that of other moduli is found
+    _body: tuple[bytes, Equilibrium] | None = None
+
+    def field(self, theta: Array) -> Array:
+        """u(θ) in m; of zones NaN if no equilibrium is found."""
+        body, dead = self._at(theta), self.unknowns.forces(theta)
+        if not self.unknowns.zones:
+            start = predicted(self.body, dead[None], self.unknowns.pressure(theta))[0]
+            return correct(body, dead, start).displacement
+        forces, last = body.forces_at_points(dead[None]), self._last
+        start = body.linear_response(body.at_rest(forces)) if last is None else last[None]
+        if body.inverted(start)[0]:
+            start = np.zeros_like(start)
+        nodes = self.body.equilibrium.nodes
+        try:
+            self._last = found = stable_state(body, forces, start, START).displacement
+        except WorkError:
+            return np.full((nodes, forces.shape[2]), np.nan)
+        return found[:nodes]
+
+    def slopes(self, theta: Array, field: Array) -> Array:
+        """∂u/∂θ; WorkError if the equilibrium is not stable."""
+        body, unknowns = self._at(theta), self.unknowns
+        f = body.forces_at_points(unknowns.forces(theta)[None])
+        u = body.at_points(field[None], f)
+        respond = body.response_at(u[0])
+        if respond is None:
+            raise WorkError("the equilibrium that fits the markers is not stable")
+        forces = [unit_forces(self.body.equilibrium, unknowns, u)]
+        if unknowns.softens:
+            forces = [np.exp(-theta[-1]) * forces[0], -body.external(u, f)]
+        inside = body.solid.internal_forces(torch.from_numpy(u)).numpy()
+        for number in range(len(theta) - len(unknowns.zones), len(theta)):
+            twice = theta.copy()
+            twice[number] += np.log(2.0)
+            forces.append(inside - self._solid(twice).internal_forces(torch.from_numpy(u)).numpy())
+        rates = respond(np.concatenate(forces))
+        return np.asarray(np.moveaxis(rates[:, : self.body.equilibrium.nodes], 0, -1))
+
+    def _at(self, theta: Array) -> Equilibrium:
+        """The body with some moduli under the pressures; that of the last moduli is kept."""
+        pressure = self.unknowns.pressure(theta)
+        if not self.unknowns.zones:
+            return self.body.under(pressure)
+        key = theta[len(theta) - len(self.unknowns.zones) :].tobytes()
+        if self._body is None or self._body[0] != key:
+            self._body = key, Equilibrium(self.body.equilibrium.geometry, self._materials(theta))
+        return self._body[1] if pressure is None else self._body[1].under(pressure)
+
+    def _solid(self, theta: Array) -> Solid:
+        body, geometry = self.body.equilibrium, self.body.equilibrium.geometry
+        mesh = geometry.coordinates, geometry.cells, geometry.cell_type
+        return type(body.solid)(*mesh, self._materials(theta), geometry.parts, geometry.fibres)
+
+    def _materials(self, theta: Array) -> Materials:
+        moduli = dict(zip(self.unknowns.zones, self.unknowns.young_moduli(theta), strict=True))
+        return tuple(
+            material.model_copy(update={"young_modulus": moduli[material.group]})
+            if material.group in moduli
+            else material
+            for material in self.body.equilibrium.solid.materials
+        )
+
+
+def unit_forces(body: Equilibrium, unknowns: Unknowns, u: Array) -> Array:
+    """Unit forces and pressures at a displacement of all points in m, (1, n_points, d).
+
+    Returns
+    -------
+    array, (K + Q, n_points, d)
+        In N, on all points.
+    """
+    forces = body.forces_at_points(unknowns.patterns)
+    if unknowns.pressures is None:
+        return forces
+    units = replace(unknowns.pressures[slice(1, None)], coordinates=body.geometry.coordinates)
+    pushed = units.forces(np.broadcast_to(u, (len(units.pressures), *u.shape[1:])))
+    return np.concatenate([forces, pushed])
+
+
+def moduli_of_zones(material: Materials, zones: tuple[str, ...]) -> Array:
+    """Young's moduli at rest in Pa of some zones, (z,).
+
+    Raises
+    ------
+    InputError
+        If there is no such zone, or its material has none.
+    """
+    groups = {each.group: each for each in as_tuple(material)}
+    found = []
+    for zone in zones:
+        each = groups.get(zone)
+        if not isinstance(each, YoungPoisson):
+            known = [g for g, m in groups.items() if g and isinstance(m, YoungPoisson)]
+            listed = ", ".join(f"'{g}'" for g in known) or "none of this body"
+            raise InputError(f"unknown: young-modulus:{zone}: expected a zone, {listed}")
+        found.append(each.young_modulus)
+    return np.array(found)

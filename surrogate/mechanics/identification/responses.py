@@ -1,0 +1,105 @@
+"""Displacement fields of sought parameters, and their derivatives, by predictions."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
+from surrogate.mechanics.identification.least_squares import Model
+from surrogate.mechanics.identification.unknowns import Unknowns
+from surrogate.mechanics.touch import body as touch
+from surrogate.mechanics.touch.body import predicted
+
+Array = NDArray[np.float64]
+
+DIFFERENCE = 3e-3  # of a change that matters
+
+
+class Body(touch.Body, Protocol):
+    """What is identified, such as a `Surrogate`."""
+
+    def under(self, pressure: Any) -> Equilibrium:
+        """Equilibrium under dead loads, and pressures of one load case if there are."""
+
+
+class Response(ABC):
+    """Displacements of the body, and at the markers, of some parameters θ.
+
+    Parameters
+    ----------
+    body : Surrogate
+    unknowns : Unknowns
+    at_markers : csr_array, (m, n_nodes)
+    scale : array, (p,)
+        Sizes of changes of θ that matter.
+    shift : array, (n_nodes, d) or number
+        What is added to the displacements in m, such as the negative of their estimated error.
+    """
+
+    difference: ClassVar[float] = DIFFERENCE
+
+    def __init__(
+        self,
+        body: Body,
+        unknowns: Unknowns,
+        at_markers: csr_array,
+        scale: Array,
+        shift: Array | float = 0.0,
+    ) -> None:
+        self.body, self.unknowns, self.scale = body, unknowns, scale
+        self._at_markers, self._shift = at_markers, shift
+
+    @property
+    def model(self) -> Model:
+        """What is measured."""
+        return Model(lambda theta: self.field(theta) + self._shift, self.slopes, self._seen)
+
+    @abstractmethod
+    def field(self, theta: Array) -> Array:
+        """u(θ) in m, (n_nodes, d)."""
+
+    def fields(self, thetas: Array) -> Array:
+        """u(θ) in m of N sets of parameters, (N, p) → (N, n_nodes, d)."""
+        return np.array([self.field(theta) for theta in thetas])
+
+    def slopes(self, theta: Array, field: Array) -> Array:
+        """∂u/∂θ, (n_nodes, d, p), by forward differences."""
+        steps = self.difference * self.scale
+        return differences(self.fields(theta + np.diag(steps)), field - self._shift, steps)
+
+    def forces(self, theta: Array) -> Array:
+        """Dead forces of u(θ) in N, (n_nodes or n_points, d)."""
+        return self.unknowns.forces(theta)
+
+    def at_rest(self, theta: Array) -> Array:
+        """Forces of u(θ) in N, with those of pressures on the undeformed body."""
+        force, pressure = self.forces(theta), self.unknowns.pressure(theta)
+        return force if pressure is None else force + pressure.load[0]
+
+    def _seen(self, fields: Array) -> Array:
+        nodes = len(fields)
+        found = self._at_markers @ fields.reshape(nodes, -1)
+        return np.asarray(found.reshape(-1, *fields.shape[1:]))
+
+
+class PredictedResponse(Response):
+    """Predictions, and their forward differences."""
+
+    def field(self, theta: Array) -> Array:
+        """u(θ) in m."""
+        return np.asarray(self.fields(theta[None])[0])
+
+    def fields(self, thetas: Array) -> Array:
+        """u(θ) in m of all sets of parameters at once."""
+        unknowns = self.unknowns
+        return predicted(self.body, unknowns.forces(thetas), unknowns.pressure(thetas))
+
+
+def differences(ahead: Array, field: Array, steps: Array) -> Array:
+    """Forward differences of fields, (p, n_nodes, d), by steps of θ, (p,): (n_nodes, d, p)."""
+    return np.moveaxis((ahead - field) / steps[:, None, None], 0, -1)

@@ -1,0 +1,56 @@
+"""Displacement fields of a body that a tool pushes, by the place of the tool."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared_schema.common.errors import InputError, WorkError
+from shared_schema.tools import Displaced
+from surrogate.mechanics.identification.responses import Response
+from surrogate.mechanics.touch.body import LoadedBody
+from surrogate.mechanics.touch.touch import Touch, TouchFrame
+
+Array = NDArray[np.float64]
+CONTACT = 1e-5  # tolerance of the contact: differences are not to see it
+DIFFERENCE = 1e-2  # of a change that matters
+
+
+class ToolResponse(Response):
+    """Predictions with the tool at θ m from where it is given, and their forward differences.
+
+    Parameters
+    ----------
+    touch : Touch
+        Of the body, with the tolerance `CONTACT`; fits that follow one another share it.
+    given
+        As `Response` takes them.
+    """
+
+    difference = DIFFERENCE
+
+    def __init__(self, touch: Touch, *given: Any) -> None:
+        super().__init__(*given)
+        self._touch = touch
+
+    def field(self, theta: Array) -> Array:
+        """u(θ) in m; NaN where no contact is found."""
+        try:
+            return self._frame(theta).displacement
+        except (InputError, WorkError):  # the tool may not be there
+            return np.full(self.body.geometry.coordinates.shape, np.nan)
+
+    def forces(self, theta: Array) -> Array:
+        """Forces of the tool, and those that are known, in N."""
+        return self._loaded.with_forces(self._frame(theta).force)
+
+    def _frame(self, theta: Array) -> TouchFrame:
+        assert self.unknowns.tool is not None
+        tool = Displaced(self.unknowns.tool, tuple(map(float, theta)))
+        return self._touch.move(tool, self._loaded)
+
+    @property
+    def _loaded(self) -> LoadedBody:
+        return LoadedBody(self.body, self.unknowns.known, self.unknowns.pressures)

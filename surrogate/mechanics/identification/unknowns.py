@@ -1,0 +1,280 @@
+r"""What is sought: forces at known places, pressures, and Young's modulus.
+
+The load is that of some parameters θ, dead forces f and pressures p that follow the surface,
+
+.. math::
+    f(θ) = \frac{E_0}{E} \Big(f_0 + \sum_k θ_k \, b_k\Big), \qquad
+    p(θ) = \frac{E_0}{E} \Big(p_0 + \sum_q θ_q \, e_q\Big), \qquad E = E_0 \, e^{φ},
+
+with known forces :math:`f_0` and pressures :math:`p_0`, unit forces :math:`b_k` along each axis at
+each sought place, unit pressures :math:`e_q`, and Young's modulus :math:`E_0` of the run. Without a
+sought modulus φ = 0. Sought moduli of zones of the body, :math:`E_z = E_{z,0} \, e^{φ_z}`, leave f
+and p as they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared_schema.common.bodies.command_loads import CommandLoads
+from shared_schema.common.bodies.force_tolerance import mean_edge
+from shared_schema.common.errors import InputError
+from shared_schema.tools import Tool
+from surrogate.mechanics.body.geometry import Geometry
+from surrogate.mechanics.body.given_load import following, given_load
+from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
+
+Array = NDArray[np.float64]
+
+BODY_FORCE = "body-force"
+YOUNG_MODULUS = "young-modulus"
+SOMEWHERE = "somewhere"
+ANY = "any"
+LARGEST_PATCH = 0.25  # of the body's length: radius of a force whose radius is sought
+TOOL = "tool"
+PRESSURE = "pressure:"  # of a group
+AXES = "xyz"
+OF_ZONE = f"{YOUNG_MODULUS}:"
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """Sought parameters.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Of each parameter, such as "4,1 x"; those of φ are last.
+    known : array, (n_nodes or n_points, d)
+        f₀ in N, with what acts between the nodes after the nodal forces.
+    patterns : array, (K, n_nodes or n_points, d)
+        b_k: 1 N in all, or those of 1 N/m³.
+    pressures : FollowerPressure or None
+        Pressures of 1 + Q cases: p₀, and each e_q of 1 Pa. None if none acts.
+    moduli : array, (q,)
+        E₀ in Pa of every φ that is sought.
+    zones : tuple of str
+        Groups of the materials that they belong to; empty if they are those of the whole body.
+    tool : Tool or None
+        A tool whose place is sought: θ is how far it is from there, in m.
+    """
+
+    names: tuple[str, ...]
+    known: Array
+    patterns: Array
+    moduli: Array
+    zones: tuple[str, ...] = ()
+    tool: Tool | None = None
+    pressures: FollowerPressure | None = None
+
+    @classmethod
+    def of(
+        cls,
+        geometry: Geometry,
+        texts: Sequence[str],
+        known: CommandLoads,
+        moduli: Array,
+        nearest: bool = False,
+        tool: Tool | None = None,
+    ) -> Unknowns:
+        """Read what is sought.
+
+        Parameters
+        ----------
+        geometry : Geometry
+        texts : sequence of str
+            Places as ``--load`` names them ("4,1", "4,1,0.2" or a group), "body-force",
+            "pressure:GROUP", "young-modulus", or "young-modulus:GROUP" of zones, and "somewhere"
+            (`radii_of`), which `at` brings in.
+        known : CommandLoads
+        moduli : array, (q,)
+        nearest : bool
+            Let places beside a node mean the nearest one.
+        tool : Tool, optional
+            What "tool" means, which is then sought alone.
+
+        Raises
+        ------
+        InputError
+            If there is no such place, or one is named twice, if a pressure of the case acts where a
+            force is sought, or the network knows no pressure, or the tool is not what is sought.
+        """
+        if (tool is not None) != (list(texts) == [TOOL]):
+            raise InputError(f"unknown: {', '.join(texts)}: expected 'tool' alone, and a tool")
+        if tool is not None:
+            names = tuple(f"{TOOL} {axis}" for axis in AXES[: geometry.dimension])
+            none = np.empty((0, *known.load.shape))
+            of_load = following(known)
+            return cls(names, known.load, none, np.empty(0), tool=tool, pressures=of_load)
+        if len(set(texts)) < len(texts):
+            raise InputError(f"unknown: {', '.join(texts)}: expected each once")
+        sought: list[str] = []
+        patterns: list[Array] = []
+        for text in texts:
+            if is_somewhere(text) or is_modulus(text) or text.startswith(PRESSURE):
+                continue
+            require_no_pressure(geometry, text)
+            for axis, unit in enumerate(np.eye(geometry.dimension)):
+                load, values = CommandLoads(geometry.loaded_body), ",".join(map(str, unit))
+                if text == BODY_FORCE:
+                    load.add_body_force(values)
+                else:
+                    load.add(f"{text}:{values}", nearest)
+                sought.append(f"{text} {AXES[axis]}")
+                patterns.append(load.load)
+        zones, pressures = zones_of(texts), pressures_of(geometry, texts, known)
+        if YOUNG_MODULUS in texts and not (known.load.any() or known.surfaces):
+            raise InputError(
+                "unknown: young-modulus: displacements tell forces over Young's modulus alone, "
+                "expected a load that is known beside it"
+            )
+        sought += [text for text in texts if text.startswith(PRESSURE)]
+        sought += [text for text in texts if is_modulus(text)]
+        if not sought and not any(map(is_somewhere, texts)):
+            raise InputError("unknown: nothing is sought, expected a place or young-modulus")
+        shape = (len(patterns), *known.load.shape)
+        stacked = np.array(patterns).reshape(shape)
+        return cls(tuple(sought), known.load, stacked, moduli, zones, pressures=pressures)
+
+    @property
+    def softens(self) -> bool:
+        """Whether φ is that of the whole body."""
+        return len(self.moduli) > len(self.zones)
+
+    def young_moduli(self, theta: Array) -> Array:
+        """Sought moduli in Pa, (q,); infinite beyond all numbers."""
+        with np.errstate(over="ignore"):
+            return np.asarray(self.moduli * np.exp(theta[len(theta) - len(self.moduli) :]))
+
+    def forces(self, theta: Array) -> Array:
+        """f(θ) in N, for a body of E₀ if its own is sought: (..., n) → (..., *, d)."""
+        count = len(self.patterns)
+        total = self.known + np.tensordot(theta[..., :count], self.patterns, axes=1)
+        if self.softens:
+            total = total * np.exp(-theta[..., -1, None, None])
+        return np.asarray(total)
+
+    def pressure(self, theta: Array) -> FollowerPressure | None:
+        """p(θ) of N sets of parameters, (N, p) or (p,), likewise."""
+        if self.pressures is None:
+            return None
+        count, values = len(self.patterns), self.pressures.pressures
+        sought = np.atleast_2d(theta)[:, count : count + len(values) - 1]
+        total = values[0] + sought @ values[1:]
+        if self.softens:
+            total = total * np.exp(-theta[..., -1:])
+        return replace(self.pressures, pressures=total)
+
+    @property
+    def at_rest(self) -> tuple[Array, Array]:
+        """Known and unit loads on the undeformed body, (*, d) and (K + Q, *, d)."""
+        if self.pressures is None:
+            return self.known, self.patterns
+        loads = self.pressures.load
+        return self.known + loads[0], np.concatenate([self.patterns, loads[1:]])
+
+    def at(self, units: Array, text: str) -> Unknowns:
+        """The same with forces in one more place, which come first.
+
+        Parameters
+        ----------
+        units : array, (d, n_nodes or n_points, d)
+            Those of 1 N along each axis.
+        text : str
+            Name of the place.
+        """
+        names = tuple(f"{text} {axis}" for axis in AXES[: len(units)])
+        patterns = np.concatenate([units, self.patterns])
+        return replace(self, names=names + self.names, patterns=patterns)
+
+
+def is_modulus(text: str) -> bool:
+    """Whether Young's modulus is sought, of the body or a zone."""
+    return text == YOUNG_MODULUS or text.startswith(OF_ZONE)
+
+
+def zones_of(texts: Sequence[str]) -> tuple[str, ...]:
+    """Zones whose moduli are sought."""
+    return tuple(text.removeprefix(OF_ZONE) for text in texts if text.startswith(OF_ZONE))
+
+
+def pressures_of(
+    geometry: Geometry, texts: Sequence[str], known: CommandLoads
+) -> FollowerPressure | None:
+    """Known pressures, and each sought one of 1 Pa, as load cases; None if there are none."""
+    groups = [text.removeprefix(PRESSURE) for text in texts if text.startswith(PRESSURE)]
+    for group in groups:
+        if group not in geometry.groups:
+            names = ", ".join(sorted(geometry.groups)) or "none"
+            raise InputError(
+                f"unknown: {PRESSURE}{group}: expected a group of the mesh, which has {names}"
+            )
+    units = given_load(geometry, [f"{group}:1" for group in groups], needed=False)
+    both = CommandLoads(geometry.loaded_body)
+    both.surfaces = [*known.surfaces, *units.surfaces]
+    both.pressures = [*known.pressures, *units.pressures]
+    found = following(both)
+    if found is None:
+        return None
+    values = np.eye(1 + len(groups), len(both.pressures), len(known.pressures) - 1)
+    values[0] = [*known.pressures, *(0.0 for _ in groups)]
+    return replace(found, pressures=values)
+
+
+def is_somewhere(text: str) -> bool:
+    """Whether a force is sought somewhere on the surface."""
+    return text.partition(",")[0] == SOMEWHERE
+
+
+def radii_of(geometry: Geometry, text: str) -> list[float]:
+    """Radii in m that the force may be spread over which acts somewhere; 0 on a node alone.
+
+    Parameters
+    ----------
+    geometry : Geometry
+    text : str
+        "somewhere" on a node, "somewhere,R" within R m of one, "somewhere,any" of a radius that is
+        sought: none, the length of an edge, √2 times, twice and so on, up to a quarter of the
+        body's length.
+
+    Raises
+    ------
+    InputError
+        If the radius is none.
+    """
+    _, comma, said = text.partition(",")
+    if not comma:
+        return [0.0]
+    if said == ANY:
+        edge = mean_edge(geometry.coordinates, geometry.cells)
+        longest = LARGEST_PATCH * float(np.ptp(geometry.coordinates, axis=0).max())
+        steps = max(int(2 * np.log2(longest / edge)), 0)
+        return [0.0, *(edge * 2.0 ** (k / 2) for k in range(steps + 1))]
+    try:
+        radius = float(said)
+    except ValueError:
+        radius = 0.0
+    if not 0 < radius < np.inf:
+        raise InputError(
+            f"unknown: {text}: expected {SOMEWHERE},R with R > 0 m, or {SOMEWHERE},any"
+        )
+    return [radius]
+
+
+def require_no_pressure(geometry: Geometry, text: str) -> None:
+    """Raise InputError if a pressure of the case acts on a group, which no total force stands for.
+
+    A pressure that follows the surface turns with it, and the forces of a closed surface add up to
+    none.
+    """
+    if text not in geometry.groups:
+        return
+    facets = np.sort(geometry.loaded_body.facets_of(text), axis=1)
+    corners = facets.shape[1]  # which stand before the other points of a facet
+    pressed = {tuple(sorted(row[:corners])) for surface in geometry.surfaces for row in surface}
+    if any(tuple(row) in pressed for row in facets):
+        raise InputError(f"unknown: {text}: a pressure acts there, expected {PRESSURE}{text}")

@@ -1,0 +1,1 @@
+"""The machine that computes: devices, seeds, limits of time, CUDA graphs, tensors in files."""

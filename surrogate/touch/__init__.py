@@ -1,6 +1,0 @@
-"""Taking hold of a body: what moves it is not forces but places that are held, and tools."""
-
-from surrogate.touch.grip import Grip, GripFrame
-from surrogate.touch.touch import Touch, TouchFrame
-
-__all__ = ["Grip", "GripFrame", "Touch", "TouchFrame"]

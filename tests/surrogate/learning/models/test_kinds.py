@@ -1,0 +1,192 @@
+"""Kinds of model: each accepts only the keys that it reads."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from shared_schema.common.errors import InputError
+from surrogate.learning.models.kinds import KINDS
+from surrogate.learning.models.unet_model import UNetModel
+from surrogate.learning.runs.config_reader import read_config, run_config
+from tests.surrogate.recipe_names import NAMES
+from tests.surrogate.unet_configs import shipped_unet
+
+BASELINES = ("linear", "pod", "gp", "dropout", "ensemble")
+MLE = "likelihood: maximum_likelihood"
+BAYES = "likelihood: variational_bayes\nvariational: {}"
+VALIDATION = "validation_fraction: 0.1"
+
+
+def test_defaults_are_one_plain_unet() -> None:
+    config = run_config({"name": "a", "case": "b"})
+    assert isinstance(config, UNetModel)
+    assert (config.model, config.likelihood) == ("unet", "deterministic")
+    assert config.ensemble == 1
+    assert config.network.dropout == 0.0
+
+
+@pytest.mark.parametrize("model", BASELINES)
+def test_cases_differ_by_their_name_alone(model: str) -> None:
+    beam, l_shape = (read_config(f"{case}-{model}-fast") for case in ("beam2d", "lshape2d"))
+    renamed = beam.model_copy(update={"name": l_shape.name, "case": "lshape2d"})
+    assert renamed == l_shape
+
+
+@pytest.mark.parametrize(
+    "model", ["det", "mle", "vb", "ensemble", "gp", "modal-gp", "reduced", "reduced-vb"]
+)
+def test_cases_of_any_load_differ_by_their_name_alone(model: str) -> None:
+    """Beam and L-shape; in space, mirrors differ, and the samples kept for bounds."""
+    beam, l_shape = (read_config(f"{case}_any-{model}-fast") for case in ("beam2d", "lshape2d"))
+    renamed = beam.model_copy(update={"name": l_shape.name, "case": "lshape2d_any"})
+    assert renamed == l_shape
+    if model.startswith("reduced"):
+        for case in ("beam3d_any", "finger3d"):
+            other = read_config(f"{case}-{model}-fast").plain()
+            expected = beam.plain()
+            for config in (other, expected):
+                for key in ("mirrors", "calibration_fraction"):
+                    del config["training"][key]
+            assert other | {"name": beam.name, "case": beam.case} == expected
+
+
+@pytest.mark.parametrize(("kind", "epochs"), [("mle", 60), ("vb", 20)])
+def test_mechanics_are_added_to_the_networks_of_single_loads(kind: str, epochs: int) -> None:
+    """Inputs, series, errors, epochs, and how factors are fitted differ from beam2d's."""
+    plain, mechanics = (shipped_unet(f"{case}-{kind}-fast") for case in ("beam2d", "beam2d_any"))
+    inputs = ("force", "linear_gradient", "last_gradient")
+    added = {"inputs": inputs, "skip": "series", "series_order": 4}
+    assert mechanics.network == plain.network.model_copy(update=added)
+    changed = {"errors": "laplace", "validation_fraction": 0.1, "recalibrate": 0.95}
+    assert mechanics.training == plain.training.model_copy(update=changed | {"epochs": epochs})
+
+
+@pytest.mark.parametrize("model", ["dropout", "ensemble"])
+def test_networks_are_those_of_the_deterministic_recipe(model: str) -> None:
+    config, plain = shipped_unet(f"beam2d-{model}-fast"), shipped_unet("beam2d-det-fast")
+    assert config.training == plain.training
+    assert config.network.model_copy(update={"dropout": 0.0}) == plain.network
+
+
+def test_every_kind_is_chosen_by_a_shipped_configuration() -> None:
+    configs = [read_config(name) for name in NAMES]
+    assert {type(config) for config in configs} == set(KINDS.values())
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        ("model: tree", "found (model tree, likelihood deterministic), expected one of '(model un"),
+        ("model: pod", "key 'pod' is missing (model pod, likelihood deterministic)"),
+        ("pod: {}", "unknown key 'pod' (model unet, likelihood deterministic)"),
+        ("model: linear\npod: {}", "unknown key 'pod' (model linear"),
+        ("model: linear\nnetwork: {levels: 2}", "unknown key 'network' (model linear"),
+        ("model: linear\nensemble: 3", "unknown key 'ensemble' (model linear"),
+        ("ensemble: 0", "key 'ensemble' = 0"),
+        ("network: {dropout: 1}", "key 'network.dropout' = 1"),
+        ("model: pod\npod: {energy: 1}", "key 'pod.energy' = 1"),
+        ("model: pod\npod: {regression: tree}", "key 'pod.regression' = 'tree'"),
+        (
+            "model: linear\nlikelihood: maximum_likelihood",
+            "found (model linear, likelihood maximum_likelihood), expected one of",
+        ),
+        (
+            "model: pod\npod: {regression: gp}",
+            "key 'pod.regression' = 'gp': input should be 'ridge' (model pod, likelihood determin",
+        ),
+    ],
+)
+def test_what_does_not_fit_is_named(tmp_path: Path, text: str, part: str) -> None:
+    assert_refused(tmp_path, text, part)
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        *(
+            (
+                f"model: pod\npod: {{}}\ntraining: {{{VALIDATION}, {key}: {value}}}",
+                f"unknown key 'training.{key}' (model pod, likelihood deterministic)",
+            )
+            for key, value in {
+                "ema": "0.9",
+                "early_stopping": "{patience: 3}",
+                "compile": "true",
+                "recalibrate": "true",
+                "epochs": "3",
+                "loss": "mae",
+            }.items()
+        ),
+        ("training: {beta: 0.5}", "unknown key 'training.beta' (model unet, likelihood determin"),
+        (
+            f"{MLE}\ntraining: {{loss: mae}}",
+            "unknown key 'training.loss' (model unet, likelihood ",
+        ),
+        (f"{BAYES}\ntraining: {{loss: mae}}", "unknown key 'training.loss' (model unet, likelihoo"),
+        (
+            f"training: {{{VALIDATION}, recalibrate: true}}",
+            "'training.recalibrate' = True: expected a model that predicts standard deviations",
+        ),
+        (
+            f"model: linear\ntraining: {{{VALIDATION}, recalibrate: true}}",
+            "unknown key 'training.recalibrate' (model linear, likelihood deterministic)",
+        ),
+        ("model: linear\ntraining: {beta: 0.5}", "unknown key 'training.beta' (model linear"),
+        (
+            "model: linear\ntraining: {optimiser: {name: muon}}",
+            "'training.optimiser.name' = 'muon': expected 'adam' of model 'linear'",
+        ),
+        (
+            "training: {optimiser: {name: adam, momentum: 0.5}}",
+            "key 'training.optimiser': momentum = 0.5: expected with name 'muon' only",
+        ),
+        (
+            "training: {optimiser: {rho_factor: 2}}",
+            "'training.optimiser.rho_factor' = 2.0: expected 1, as no standard deviation",
+        ),
+        (
+            "training: {schedule: {name: constant, final: 0.1}}",
+            "key 'training.schedule': final = 0.1: expected none with name 'constant'",
+        ),
+        (
+            "network: {force_transforms: [linear, asinh]}",
+            "'network.force_transforms' = ['linear', 'asinh']: expected 1 at most, the number of",
+        ),
+        ("model: pod\npod: {gp_samples: 9}", "unknown key 'pod.gp_samples' (model pod, likelihood"),
+        (
+            f"model: pod\n{MLE}\npod: {{regression: gp, degree: 2}}",
+            "unknown key 'pod.degree' (model pod, likelihood maximum_likelihood)",
+        ),
+        (
+            f"model: pod\n{MLE}\npod: {{regression: gp, input_modes: 9}}",
+            "key 'pod': input_modes = 9: expected with inputs 'linear_modes' only",
+        ),
+        (
+            "model: pod\npod: {rank: 3, energy: 0.9}",
+            "key 'pod': energy = 0.9: expected none beside rank = 3",
+        ),
+    ],
+)
+def test_keys_without_effect_are_refused(tmp_path: Path, text: str, part: str) -> None:
+    assert_refused(tmp_path, text, part)
+
+
+def assert_refused(folder: Path, text: str, part: str) -> None:
+    """Require an error of one line that names the file and the wrong key."""
+    path = folder / "a.yaml"
+    path.write_text(f"name: a\ncase: b\n{text}")
+    with pytest.raises(InputError) as error:
+        read_config(str(path))
+    assert str(error.value).startswith(f"{path}: ")
+    assert part in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("change", [{"ensemble": 2}, {"network": {"dropout": 0.1}}])
+def test_recalibration_of_deterministic_networks_that_differ(change: dict[str, object]) -> None:
+    """Ensembles and networks with dropout predict standard deviations without a likelihood."""
+    training = {"validation_fraction": 0.1, "recalibrate": True}
+    config = run_config({"name": "a", "case": "b", "training": training, **change})
+    assert config.training.validation_users == ("recalibrate",)
