@@ -136,7 +136,7 @@ class Body(Remade):
 
     @cached_property
     def driven_body(self) -> DrivenBody:
-        """The body as directions see it (`surrogate.mechanics.descent`); InputError as `equilibrium`."""
+        """The body as directions see it; InputError as `equilibrium`."""
         from surrogate.mechanics.descent import DrivenBody
 
         return DrivenBody.of(self.equilibrium)

@@ -83,7 +83,7 @@ class FollowerPressure:
 
     @property
     def load(self) -> Array:
-        """`at_rest` as a load (`surrogate.mechanics.equilibrium.quadratic`): at the nodes, and between them."""
+        """`at_rest` as a load, at the nodes and between them."""
         f, points = self.at_rest, self.points
         if points is None:
             return f

@@ -14,7 +14,7 @@ Under pressures that follow the surface (`surrogate.mechanics.equilibrium.follow
 
 K is not symmetric in general, so that Π does not exist; δ is always that of K itself. A state
 counts as stable where the symmetric part of K is positive definite: then every small displacement
-takes work. Springs to a rigid tool (`surrogate.mechanics.touch.tool_springs`) add to Π, r and K.
+takes work. Springs to a rigid tool (`surrogate.mechanics.equilibrium.tool_springs`) add to Π, r and K.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ from shared_schema.materials import Materials, as_tuple
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
 from surrogate.mechanics.equilibrium.newton_steps import NewtonSteps, norms
+from surrogate.mechanics.equilibrium.tool_springs import ToolSprings
 from surrogate.mechanics.matrices.factors import Factor, SymmetricFactor
 from surrogate.mechanics.matrices.layout import Layout
 from surrogate.mechanics.matrices.saddle_point import saddle_point_layout
 from surrogate.mechanics.solids.mean_dilation import MeanDilationSolid
 from surrogate.mechanics.solids.solid import Solid
 from surrogate.mechanics.solids.taylor_hood import TaylorHoodSolid
-from surrogate.mechanics.touch.tool_springs import ToolSprings
 from surrogate.runtime.time_limit import require_time
 
 Array = NDArray[np.float64]
@@ -140,7 +140,7 @@ class Equilibrium:
         return u
 
     def forces_at_points(self, f: Array) -> Array:
-        """Forces on all points by those of a load (`surrogate.mechanics.equilibrium.quadratic`), in N."""
+        """Forces on all points by those of a load, in N."""
         return f
 
     def forces_at_nodes(self, f: Array) -> Array:

@@ -1,6 +1,6 @@
-r"""Power series of the stress, compiled: `surrogate.mechanics.series.measured_series`, cell by
-cell.
+r"""Power series of the stress, compiled, cell by cell.
 
+The equations are those of `surrogate.mechanics.series.measured_series`.
 `next_stress` is the recursion of one row of points, `add_term` that of all cells. They are for
 elements without a dilation of their own, and materials without fibres.
 """

@@ -7,7 +7,7 @@ normal to it, and such that no node of the surface enters it
 
 Where Newton's method finds the body, the contact is that of the factory
 (`datagen.solver.contact.tool_contact`). Its forces are found by the method of multipliers
-(`surrogate.mechanics.touch.tool_springs`): with springs to the tool, the potential energy has a
+(`surrogate.mechanics.equilibrium.tool_springs`): with springs to the tool, the potential energy has a
 minimum, which Newton's method with a line search finds, past unstable equilibria
 (`surrogate.mechanics.certify.correction`); the forces there are the next λ.
 """
@@ -26,10 +26,10 @@ from shared_schema.common.bodies.force_tolerance import RELATIVE, ForceTolerance
 from shared_schema.common.errors import WorkError
 from shared_schema.tools import Contact, Tool, require_outside
 from surrogate.mechanics.certify.correction import Correction, stable_state
+from surrogate.mechanics.equilibrium.tool_springs import ToolSprings
 from surrogate.mechanics.touch.body import Beside, Body, LoadedBody, Predict
 from surrogate.mechanics.touch.frames import Frames
 from surrogate.mechanics.touch.tool_contact import ToolContact
-from surrogate.mechanics.touch.tool_springs import ToolSprings
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shared_schema.tools import Plane, Sphere, Tool
-from surrogate.mechanics.touch.tool_springs import ToolSprings
+from surrogate.mechanics.equilibrium.tool_springs import ToolSprings
 
 TOOLS = [Sphere((0.5, 0.5), 0.6), Plane((0.5, 0.5), (1.0, 2.0)), Sphere((0.5, 0.4, 0.6), 0.7)]
 
