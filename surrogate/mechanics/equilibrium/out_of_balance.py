@@ -14,7 +14,8 @@ Under pressures that follow the surface (`surrogate.mechanics.equilibrium.follow
 
 K is not symmetric in general, so that Π does not exist; δ is always that of K itself. A state
 counts as stable where the symmetric part of K is positive definite: then every small displacement
-takes work. Springs to a rigid tool (`surrogate.mechanics.equilibrium.tool_springs`) add to Π, r and K.
+takes work. Springs to a rigid tool (`surrogate.mechanics.equilibrium.tool_springs`) add to Π, r and
+K.
 """
 
 from __future__ import annotations
