@@ -13,7 +13,7 @@ from shared_schema.common.errors import InputError
 from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.inference.touched_region import compliance_of
 from surrogate.learning.runs.folder import RunFolder
-from surrogate.mechanics import compliance
+from surrogate.mechanics.equilibrium import compliance
 
 pytestmark = pytest.mark.filterwarnings("ignore::surrogate.OutsideTrainingWarning")
 

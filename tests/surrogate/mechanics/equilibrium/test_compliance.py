@@ -9,7 +9,7 @@ import torch
 from shared_schema.common.bodies.cell_volumes import nodal_volumes
 from shared_schema.common.errors import InputError
 from surrogate.learning.data.dataset import Dataset
-from surrogate.mechanics import compliance, kept_responses
+from surrogate.mechanics.equilibrium import compliance, kept_responses
 from surrogate.mechanics.equilibrium.block_solve import BlockSolve
 from surrogate.mechanics.equilibrium.compliance import Compliance
 from surrogate.mechanics.equilibrium.kept_responses import KeptResponses
