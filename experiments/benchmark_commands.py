@@ -34,6 +34,7 @@ PROGRAMS = {  # in whose environment a benchmark is measured
     "load-series": "surrogate",
     "manufactured": "datagen",
     "mechanical-mnist": "datagen",
+    "normalisation": "surrogate",
     "page": "surrogate",
     "prediction": "surrogate",
     "refined-liver": "surrogate",
