@@ -1,4 +1,4 @@
-"""The page of the parts has a line for every package of both programs."""
+"""The page of the parts has a line for every room of both programs."""
 
 from __future__ import annotations
 
@@ -13,11 +13,12 @@ PAGE = (ROOT / "docs" / "background" / "parts.md").read_text()
 
 
 @pytest.mark.parametrize("program", ["datagen", "surrogate"])
-def test_every_package_has_a_line_in_the_order_of_the_layers(program: str) -> None:
-    table = PAGE.partition(f"| `{program}` | package |")[2].partition("\n\n")[0]
-    shown = re.findall(r"^\|[^|]*\| `(\w+)` \|", table, re.MULTILINE)
+def test_every_room_has_a_line_in_the_order_of_the_layers(program: str) -> None:
+    table = PAGE.partition(f"| `{program}` | room |")[2].partition("\n\n")[0]
+    shown = re.findall(r"^\|[^|]*\| `([\w.]+)` \|", table, re.MULTILINE)
     layers = [
-        {name for name in layer if (ROOT / program / name).is_dir()} for layer in LAYERS[program]
+        {name for name in layer if (ROOT / program / name.replace(".", "/")).is_dir()}
+        for layer in LAYERS[program]
     ]
     assert len(set(shown)) == len(shown)
     for layer in filter(None, layers):

@@ -1,4 +1,4 @@
-"""Figure of one deformed body: its displacement in colour, its forces, the undeformed outline."""
+"""Figure of one deformed body: a field in colour, its forces, the undeformed outline."""
 
 from __future__ import annotations
 
@@ -11,12 +11,17 @@ from shared_schema.common.drawing.figure_style import UNDEFORMED, make_figure, s
 from shared_schema.common.drawing.mesh_drawing import make_drawing
 
 Array = NDArray[np.float64]
-SIZE = 5.5, 4.0  # inches
 
 
 @styled
-def deformed_figure(mesh: Mesh, displacement: Array, force: Array, title: str = "") -> Figure:
-    """Draw a body in its deformed state.
+def deformed_figure(
+    mesh: Mesh,
+    displacement: Array,
+    force: Array,
+    values: Array | None = None,
+    label: str = r"displacement $\|u\|_2$",
+) -> Figure:
+    """Draw a body in its deformed state, coloured by the lengths of vectors at its nodes.
 
     Parameters
     ----------
@@ -25,17 +30,18 @@ def deformed_figure(mesh: Mesh, displacement: Array, force: Array, title: str = 
         In m.
     force : array, (n_nodes, d)
         In N; the longest arrow has a fixed length.
-    title : str
-        Of the figure.
+    values : array, (n_nodes, d), optional
+        The vectors in m, by default the displacement.
+    label : str
+        Name of the vectors.
     """
-    figure = make_figure(*SIZE)
+    figure = make_figure(6.4, 3.6)
     drawing = make_drawing(figure, mesh)
     x = mesh.coordinates + displacement
-    field = drawing.field(x, np.linalg.norm(displacement, axis=1))
-    drawing.undeformed(UNDEFORMED, None, linewidth=0.5)
+    drawing.undeformed(UNDEFORMED, None, linewidth=0.6)
+    length = np.linalg.norm(displacement if values is None else values, axis=1)
+    unit, factor = drawing.units.drawn(length)
+    drawing.coloured(x, factor * length, f"{label} [{unit}]")
     drawing.forces(x, force)
     drawing.finish()
-    drawing.axes.set_title(title, fontsize=10)
-    label = f"displacement [{drawing.units.length}]"
-    figure.colorbar(field, ax=drawing.axes, label=label, shrink=0.8)
     return figure

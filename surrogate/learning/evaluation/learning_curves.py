@@ -155,7 +155,7 @@ class LearningCurve:
 
     def plot(self) -> Figure:
         """Draw the errors over the number of training samples, and the power law."""
-        from surrogate.learning.evaluation.learning_curve_figure import learning_curve_figure
+        from surrogate.figures.learning_curve_figure import learning_curve_figure
 
         return learning_curve_figure(self.points, self.law, self.units)
 

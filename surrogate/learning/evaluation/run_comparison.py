@@ -105,7 +105,7 @@ class Comparison:
 
     def plot(self) -> Figure:
         """Draw mean error, mean and standard deviation, and largest error of every run."""
-        from surrogate.learning.evaluation.comparison_figure import comparison_figure
+        from surrogate.figures.comparison_figure import comparison_figure
 
         return comparison_figure(self.runs)
 

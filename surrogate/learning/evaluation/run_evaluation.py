@@ -148,9 +148,9 @@ class Evaluation:
         InputError
             If the evaluation has no such figure.
         """
-        from surrogate.learning.evaluation.run_figures import run_figures
+        from surrogate.figures.evaluation_figures import evaluation_figures
 
-        drawn = run_figures(self, RunFolder(self.run))
+        drawn = evaluation_figures(self, RunFolder(self.run))
         if name not in drawn:
             raise InputError(f"figure '{name}': expected one of {', '.join(drawn)}")
         return drawn[name]()
@@ -180,7 +180,7 @@ class Evaluation:
             If a file cannot be written.
         """
         from shared_schema.common.drawing.figure_style import png
-        from surrogate.learning.evaluation.run_figures import run_figures
+        from surrogate.figures.evaluation_figures import evaluation_figures
 
         copy = None if out is None else Path(out)
         require_changeable(self.run, copy)
@@ -190,7 +190,7 @@ class Evaluation:
             files[run.intervals] = self.intervals.serialised()
         if self.fast_certificate is not None:
             files[run.fast_certificate] = self.fast_certificate.serialised()
-        for name, draw in run_figures(self, run).items():
+        for name, draw in evaluation_figures(self, run).items():
             files[run.figures / f"{name}.png"] = png(draw())
         run.write_evaluation(files)
         return run.folder

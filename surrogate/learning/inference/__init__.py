@@ -7,7 +7,7 @@
 `body`                 the body alone: equilibrium, stresses and reactions
 `given_load`           the load that `solve` takes: arrays, or texts and files of a command
 `prediction`           displacements under loads, by a series or a network
-`solution`             what `solve` returns; its figure is `solution_figure`
+`solution`             what `solve` returns
 `stiffness`            another Young's modulus than that of the run
 `training_range`       warnings about forces unlike those of the training
 `calibrated_bounds`    intervals and bounds of a run, on samples it has not seen

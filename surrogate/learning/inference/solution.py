@@ -237,9 +237,14 @@ class Solution:
         Colours show, at the nodes, the estimated error; the standard deviation if there is no
         certificate; or the displacement.
         """
-        from surrogate.learning.inference.solution_figure import solution_figure
+        from shared_schema.common.drawing.deformed_figure import deformed_figure
 
-        return solution_figure(self)
+        body = self.geometry, self.displacement, self.force
+        if self.certificate is not None and np.isfinite(self.certificate.error).all():
+            return deformed_figure(*body, self.certificate.error, "estimated error of a node")
+        if self.std is not None:
+            return deformed_figure(*body, self.std, r"standard deviation $\|\sigma\|_2$")
+        return deformed_figure(*body)
 
     def summary(self) -> str:
         """Describe in a line what was done, and with what result: one estimate of the error."""

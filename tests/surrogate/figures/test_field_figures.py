@@ -70,7 +70,7 @@ def test_figures_name_the_units_of_the_case(dataset: Dataset) -> None:
     force[-1, 1] = 2.0
     axes = deformed_figure(geometry, 0 * x, force).axes
     assert "2 kN" in [text.get_text() for text in axes[0].texts]
-    assert axes[1].get_ylabel() == "displacement [mm]"
+    assert axes[1].get_ylabel() == r"displacement $\|u\|_2$ [mm]"
     mises = np.ones(len(geometry.cells))
     stresses = von_mises_beside_reference(geometry, 0 * x, 0 * x, (mises, mises))
     assert stresses.axes[2].get_ylabel().endswith("[GPa]")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -12,7 +13,9 @@ from shared_schema.common.drawing.figure_style import NETWORK, REFERENCE, make_f
 from shared_schema.common.errors import InputError
 from shared_schema.common.keys.units import LENGTHS, Units
 from surrogate.figures.plain_log_axis import number_plainly
-from surrogate.learning.evaluation.run_comparison import Compared
+
+if TYPE_CHECKING:
+    from surrogate.learning.evaluation.run_comparison import Compared
 
 
 @styled

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -10,7 +11,9 @@ from matplotlib.figure import Figure
 from shared_schema.common.drawing.figure_style import NETWORK, make_figure, styled
 from shared_schema.common.keys.units import SI, Units
 from surrogate.figures.plain_log_axis import number_plainly
-from surrogate.learning.evaluation.learning_curves import Point, PowerLaw
+
+if TYPE_CHECKING:
+    from surrogate.learning.evaluation.learning_curves import Point, PowerLaw
 
 BEYOND = 2  # ratio of the largest number on the axis and of the largest that was tried
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from typing import TYPE_CHECKING
 
 from matplotlib.figure import Figure
 
@@ -14,15 +15,17 @@ from surrogate.figures.loss_curves import loss_curves
 from surrogate.figures.mesh_figures import deformed_meshes
 from surrogate.figures.stress_figures import von_mises_beside_reference
 from surrogate.figures.sweep_curves import sweep_curves
-from surrogate.learning.evaluation.run_evaluation import Evaluation
 from surrogate.learning.measures.error_metrics import displacement_at_load, sample_errors
 from surrogate.learning.probabilistic.calibration import CalibrationMeasures
-from surrogate.learning.runs.folder import RunFolder
+
+if TYPE_CHECKING:
+    from surrogate.learning.evaluation.run_evaluation import Evaluation
+    from surrogate.learning.runs.folder import RunFolder
 
 Drawings = dict[str, Callable[[], Figure]]
 
 
-def run_figures(evaluation: Evaluation, run: RunFolder) -> Drawings:
+def evaluation_figures(evaluation: Evaluation, run: RunFolder) -> Drawings:
     """Return functions that draw the figures of an evaluation, by the figures' names.
 
     Parameters
