@@ -9,9 +9,11 @@
 Names are imported at their first use, so that a prediction loads no code of the training.
 """
 
+import sys
 from typing import TYPE_CHECKING
 
 from shared_schema.common.lazy_names import lazy_names
+from surrogate.old_paths import OldPaths
 
 if TYPE_CHECKING:
     from surrogate.learning.data.dataset import Dataset
@@ -86,4 +88,5 @@ __all__ = [
     "write_page",
     "write_report",
 ]
+sys.meta_path.insert(0, OldPaths())
 __getattr__, __dir__ = lazy_names(__name__)

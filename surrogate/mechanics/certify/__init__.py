@@ -13,13 +13,18 @@ Both certificates of one prediction are an `ErrorCertificate`: an estimated erro
 the reason why a tolerance is not kept.
 """
 
-from surrogate.mechanics.certify.calibrated_range import CalibratedRange
-from surrogate.mechanics.certify.certificate_protocol import ErrorCertificate
-from surrogate.mechanics.certify.conformal import ConformalCalibration, Intervals
-from surrogate.mechanics.certify.correction import Correction, correct, iterated
-from surrogate.mechanics.certify.fast_certificate import Bounds, FastCertificate
-from surrogate.mechanics.certify.fast_estimate import FastEstimate
-from surrogate.mechanics.certify.full_certificate import Certificate, certify
+from typing import TYPE_CHECKING
+
+from shared_schema.common.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from surrogate.mechanics.certify.calibrated_range import CalibratedRange
+    from surrogate.mechanics.certify.certificate_protocol import ErrorCertificate
+    from surrogate.mechanics.certify.conformal import ConformalCalibration, Intervals
+    from surrogate.mechanics.certify.correction import Correction, correct, iterated
+    from surrogate.mechanics.certify.fast_certificate import Bounds, FastCertificate
+    from surrogate.mechanics.certify.fast_estimate import FastEstimate
+    from surrogate.mechanics.certify.full_certificate import Certificate, certify
 
 __all__ = [
     "Bounds",
@@ -35,3 +40,4 @@ __all__ = [
     "correct",
     "iterated",
 ]
+__getattr__, __dir__ = lazy_names(__name__)
