@@ -43,7 +43,6 @@ PROGRAMS = {  # in whose environment a benchmark is measured
     "trained": "surrogate",
     "training": "surrogate",
     "two-nodes": "datagen",
-    "unit-cells": "surrogate",
     "whole-dataset": "surrogate",
 }
 

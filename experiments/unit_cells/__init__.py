@@ -1,1 +1,0 @@
-"""Unit cells with holes under a macroscopic stretch: the family of PLAID's 2D_MultiScHypEl."""
