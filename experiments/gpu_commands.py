@@ -79,7 +79,7 @@ def run_steps(options: argparse.Namespace) -> None:
     """Measure the chosen steps."""
     from experiments.framework.runner import find, run
     from experiments.gpu.catalogue import STEPS
-    from experiments.gpu.setting import CARRIED, GpuSetting
+    from experiments.gpu.setting import CASES, GpuSetting
     from surrogate.runtime.device import choose_device
 
     if options.list:
@@ -95,7 +95,7 @@ def run_steps(options: argparse.Namespace) -> None:
     deadline = time.monotonic() + options.total
     device = choose_device(options.device)
     setting = GpuSetting(options.out, options.data, device, options.small, deadline)
-    for case in CARRIED:
+    for case in CASES:
         if not any(options.data.glob(f"{case}*")):
             raise InputError(f"--data '{options.data}': no dataset of '{case}' in it")
     with only_errors("surrogate"):

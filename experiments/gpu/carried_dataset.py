@@ -5,9 +5,8 @@ axis of the grid, which are small because neighbouring nodes move alike:
 
 .. math:: q = \operatorname{round}(u / h), \qquad δ = Δ_x Δ_y Δ_z\, q
 
-The sums along the axes give q back exactly, so the error of a displacement is h/2 at most. Forces
-that are sums of a few fields, as body forces are, are carried as these fields and their factors,
-which gives them back to rounding. All other arrays are exact.
+The sums along the axes give q back exactly, so the error of a displacement is h/2 at most. All
+other arrays are exact.
 """
 
 from __future__ import annotations
@@ -33,10 +32,7 @@ from shared_schema.common import complete_or_absent
 SUFFIX = ".npz.xz"
 STEP = 1e-6  # m
 SAMPLES = ("samples/number", "samples/is_test", "samples/force", "samples/displacement")
-DISPLACEMENT, FORCE = "samples/displacement", "samples/force"
-FIELDS = "force_factors", "force_fields"
-MOST_FIELDS = 16
-ROUNDING = 3e-7  # of single precision, relative
+DISPLACEMENT = "samples/displacement"
 
 
 def rounded_differences(field: NDArray[np.float32], step: float) -> NDArray[np.int32]:
@@ -55,20 +51,6 @@ def summed(differences: NDArray[np.int32], step: float) -> NDArray[np.float32]:
     return (result * step).astype(np.float32)
 
 
-def fields_and_factors(force: NDArray[np.float32]) -> dict[str, NDArray[np.float64]] | None:
-    """Factors (N, r) and fields (r, …) whose product forces (N, …) are; None if they are many.
-
-    The fields are zero, without rounding, where all forces are.
-    """
-    left, sizes, right = np.linalg.svd(force.reshape(len(force), -1), full_matrices=False)
-    rank = int((sizes > ROUNDING * sizes[0] * len(sizes) ** 0.5).sum())
-    if rank > MOST_FIELDS:
-        return None
-    fields = right[:rank].astype(np.float64).reshape(rank, *force.shape[1:])
-    fields *= (force != 0).any(0)
-    return dict(zip(FIELDS, ((left * sizes)[:, :rank].astype(np.float64), fields), strict=True))
-
-
 def pack(folder: Path, path: Path, samples: int | None = None, step: float = STEP) -> int:
     """Write the first samples of a structured dataset into one file; return their number.
 
@@ -79,10 +61,6 @@ def pack(folder: Path, path: Path, samples: int | None = None, step: float = STE
     order = np.argsort(samples_of["samples/number"])[:samples]
     chosen = {name: values[order] for name, values in samples_of.items()}
     chosen[DISPLACEMENT] = rounded_differences(chosen[DISPLACEMENT], step)
-    factored = fields_and_factors(chosen[FORCE])
-    if factored is not None:
-        del chosen[FORCE]
-        chosen |= factored
     described = {"manifest": reader.manifest.spelled(), "cell_type": reader.cell_type, "step": step}
     buffer = io.BytesIO()
     arrays = {"description": np.array(json.dumps(described)), **reader.body, **chosen}
@@ -103,9 +81,6 @@ def unpack(path: Path, folder: Path) -> None:
     described = json.loads(str(arrays.pop("description")))
     source = Manifest.model_validate_json(described["manifest"])
     arrays[DISPLACEMENT] = summed(arrays[DISPLACEMENT], described["step"])
-    if FORCE not in arrays:
-        factors, fields = (arrays.pop(name) for name in FIELDS)
-        arrays[FORCE] = np.tensordot(factors, fields, 1).astype(np.float32)
     for name, values in arrays.items():
         if values.dtype.kind == "U":
             arrays[name] = values.astype(object)

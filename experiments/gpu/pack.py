@@ -21,7 +21,7 @@ from experiments.framework.machine import ROOT
 from experiments.gpu.carried_dataset import SUFFIX, pack
 from experiments.gpu.frames import PACKED, write_reference
 from experiments.gpu.responses import REFERENCES, write_references
-from experiments.gpu.setting import CARRIED
+from experiments.gpu.setting import CASES
 from shared_schema.common import InputError, WorkError
 from surrogate.learning.runs import RunFolder, find_run
 
@@ -55,7 +55,7 @@ def pack_datasets(data: Path, folder: Path, samples: int | None) -> list[str]:
     """Copy the datasets in the plane, pack those in space; return a line about each."""
     lines = []
     folder.mkdir(parents=True, exist_ok=True)
-    for case in CARRIED:
+    for case in CASES:
         source, packed = data / case / "structured", folder / f"{case}{SUFFIX}"
         if not (source / "manifest.json").is_file():
             raise InputError(f"--data '{data}': no complete dataset '{case}/structured' in it")

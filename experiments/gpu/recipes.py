@@ -1,8 +1,7 @@
-"""Trainings of shipped configurations: the paper's recipe, and ours for two CPU cores.
+"""Trainings by the paper's recipe, compiled, with TF32 convolutions and CUDA graphs.
 
-The paper's is compiled and trained with TF32 convolutions and CUDA graphs, ours in float32; the
-learning curve says the time to an error. Without batch norm, everything else of the paper's recipe
-is as it is. The 3D beam is trained on the samples that are carried. Its epochs are more than the
+The learning curve says the time to an error. Without batch norm, everything else of the recipe is
+as it is. The 3D beam is trained on the samples that are carried. Its epochs are more than the
 paper's, because there are fewer samples; the time limit ends the training.
 """
 
@@ -14,16 +13,10 @@ from experiments.framework.experiment import Findings
 from experiments.gpu.setting import GpuSetting
 from experiments.gpu.trainings import adapted, train_within
 from experiments.measures.untrained import changed, shipped_unet
-from surrogate import read_config
-from surrogate.learning.models import ReducedModel, UNetModel
+from surrogate.learning.models import UNetModel
 
 EPOCHS = 600
 WITHOUT = "-without-norm"
-
-
-def fast_recipe(name: str) -> Callable[[GpuSetting], Findings]:
-    """Make the measurement of one of our configurations."""
-    return lambda setting: train_within(setting, name, adapted(shipped_unet(name), setting))
 
 
 def paper_recipe(name: str, batch_norm: bool = True) -> Callable[[GpuSetting], Findings]:
@@ -31,18 +24,6 @@ def paper_recipe(name: str, batch_norm: bool = True) -> Callable[[GpuSetting], F
     config = changed(shipped_unet(name), {"batch_norm": batch_norm}, {})
     run = name if batch_norm else f"{name}{WITHOUT}"
     return lambda setting: _train(setting, run, config)
-
-
-def reduced_recipe(name: str, input_modes: int) -> Callable[[GpuSetting], Findings]:
-    """Make the measurement of one of our reduced networks, of a body of any mesh."""
-
-    def work(setting: GpuSetting) -> Findings:
-        config = read_config(name)
-        assert isinstance(config, ReducedModel)
-        config = changed(config, {"input_modes": input_modes}, {})
-        return train_within(setting, name, adapted(config, setting))
-
-    return work
 
 
 def constant_channels(channels: int) -> Callable[[GpuSetting], Findings]:

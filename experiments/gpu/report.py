@@ -196,33 +196,6 @@ def organs(*found: Results) -> str:
     )
 
 
-def limits(numbers: Results) -> str:
-    """Where the time of a training step goes."""
-    rows = [
-        (
-            s["network"],
-            "graph" if s["graphs"] else "eager",
-            f"{s['step_ms']:.2f} ms",
-            f"{s['times_ms']['kernels']:.2f} ms",
-            f"{s['counts']['kernels']:.0f}",
-            f"{s['least_ms']['flop']:.3f} ms",
-            f"{s['least_ms']['bytes']:.3f} ms",
-        )
-        for s in numbers["steps"]
-        if s["precision"] == "tensorfloat32"
-    ]
-    head = ("network", "way", "step", "kernels", "number", "FLOP", "bytes")
-    return (
-        "Steps on a batch of 4 in TF32. The last columns are the least times of a step's FLOP and "
-        "bytes, at rates measured on the same card "
-        f"({numbers['ceilings']['bytes_per_second'] / 1e12:.1f} TB/s, "
-        f"{numbers['ceilings']['flop_per_second']['tensorfloat32'] / 1e12:.0f} TFLOP/s in TF32)."
-        "\n\n" + markdown_table(head, rows) + "\n"
-        "Eager steps wait for their launches; a graph leaves the kernels, each of a few "
-        "microseconds on tensors too\nsmall for the card. Compilation joins the small ones.\n"
-    )
-
-
 def tests(numbers: Results) -> str:
     """Tests on the device."""
     ended = ", before the time ended" if numbers.get("timed_out") else ""
@@ -236,6 +209,5 @@ SECTIONS: dict[str, tuple[str, Callable[..., str]]] = {
     "latency": ("Predictions of U-Nets", predictions),
     "responses": ("Networks of the package", package),
     "frames": ("Organs", organs),
-    "profile": ("What the limit is", limits),
     "gpu-tests": ("Tests", tests),
 }

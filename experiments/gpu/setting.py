@@ -18,7 +18,6 @@ from surrogate import Dataset, read_dataset
 from surrogate.runtime.hardware import hardware
 
 CASES = ("beam2d", "lshape2d", "beam3d")  # of the paper
-CARRIED = (*CASES, "liver3d")
 Results = dict[str, Any]
 
 

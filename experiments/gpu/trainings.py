@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from typing import Any, TypeVar
+from typing import Any
 
 import torch
 
@@ -11,26 +11,23 @@ from experiments.framework.experiment import Findings
 from experiments.gpu.setting import GpuSetting
 from experiments.measures.untrained import changed
 from surrogate import Dataset, Evaluation, evaluate, train
-from surrogate.learning.models import ReducedModel, UNetModel
+from surrogate.learning.models import UNetModel
 from surrogate.learning.runs import RunFolder, load_tensors
 
 RESERVE = {"variational_bayes": 22.0}  # s for the evaluation; 10 of other likelihoods
 CURVE = 200  # lines of the learning curve in the result
 PASSES = 300
-Config = TypeVar("Config", UNetModel, ReducedModel)
 
 
-def adapted(config: Config, setting: GpuSetting, **training: Any) -> Config:
+def adapted(config: UNetModel, setting: GpuSetting, **training: Any) -> UNetModel:
     """Return a configuration for the device: with CUDA graphs on a GPU, and small if asked."""
     training |= {"cuda_graphs": setting.on_gpu}
-    network: dict[str, Any] = {}
     if setting.small:
-        training["epochs"] = 2
-        network |= {"channels": 4} if isinstance(config, UNetModel) else {"output_modes": 4}
-    return changed(config, network, training)
+        return changed(config, {"channels": 4}, {**training, "epochs": 2})
+    return changed(config, {}, training)
 
 
-def train_within(setting: GpuSetting, name: str, config: UNetModel | ReducedModel) -> Findings:
+def train_within(setting: GpuSetting, name: str, config: UNetModel) -> Findings:
     """Train for the time of the setting, resuming what an earlier call has begun, and evaluate."""
     dataset = setting.dataset(config.case)
     run = RunFolder(setting.out / "runs" / name)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from shared_schema import ComponentStatistics, DatasetReader, Grid, Manifest, St
 from shared_schema.common import scatter_forces
 from surrogate import read_config
 from surrogate.learning.data import Geometry
-from surrogate.learning.models import ReducedModel, UNetModel
+from surrogate.learning.models import UNetModel
 from surrogate.learning.networks import UNetConfig
 from surrogate.learning.probabilistic import Likelihood
 from surrogate.learning.runs import DataFingerprint, RunDescription, RunFolder, run_config
@@ -22,7 +22,6 @@ from surrogate.learning.runs import DataFingerprint, RunDescription, RunFolder, 
 RECIPES = ("paper", "fast")
 LIKELIHOODS: tuple[Likelihood, ...] = ("deterministic", "variational_bayes")
 Array = NDArray[np.float64]
-Config = TypeVar("Config", UNetModel, ReducedModel)
 
 
 def shipped_unet(name: str) -> UNetModel:
@@ -32,7 +31,7 @@ def shipped_unet(name: str) -> UNetModel:
     return config
 
 
-def changed(config: Config, network: dict[str, Any], training: dict[str, Any]) -> Config:
+def changed(config: UNetModel, network: dict[str, Any], training: dict[str, Any]) -> UNetModel:
     """Return a configuration with some changed keys."""
     return config.model_copy(
         update={
