@@ -23,7 +23,6 @@ from shared_schema.common.bodies.quadratic.quadratic_cells import (
 from shared_schema.common.bodies.reference_cells import quadrature, shape_gradients
 from surrogate.mechanics.energy.law import DILATION, Law
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
-from surrogate.mechanics.equilibrium.quadratic import QuadraticEquilibrium
 from surrogate.mechanics.matrices.orders import band_order
 from surrogate.mechanics.solids.deformation import Deformation
 from surrogate.mechanics.solids.taylor_hood import TaylorHoodSolid
@@ -76,7 +75,7 @@ def body_data(equilibrium: Equilibrium) -> tuple[dict[str, Any], Arrays]:
         arrays["dilation/nodes"] = solid.corners.numpy()[order].astype(np.int32)
     if solid.fibres is not None:
         arrays["fibres"] = solid.fibres[..., 0, 0].permute(2, 0, 1).numpy()[order]
-    if isinstance(equilibrium, QuadraticEquilibrium):
+    if equilibrium.points is not None:
         between = equilibrium.points.interpolation[equilibrium.nodes :].tocsr()
         arrays |= {f"between/{name}": array for name, array in sparse_rows(between).items()}
     return text, arrays

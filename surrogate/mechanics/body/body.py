@@ -29,7 +29,6 @@ from surrogate.mechanics.body.given_load import checked_loads, fields_at_nodes, 
 from surrogate.mechanics.equilibrium.compliance import Compliance
 from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
-from surrogate.mechanics.equilibrium.quadratic import QuadraticEquilibrium
 
 if TYPE_CHECKING:
     from surrogate.mechanics.certify import Certificate, Correction
@@ -104,11 +103,12 @@ class Body(Remade):
         require_known_elements(self.case)
         geometry = with_dilations(self.geometry, self.case)
         between = has_points_between(self.case, geometry.cell_type)
-        kind, found = QuadraticEquilibrium if between else Equilibrium, None
+        found = None
         for one in (compliance.equilibrium for compliance in self._shared):
-            if type(one) is kind and one.mean_dilation == geometry.mean_dilation:
+            is_alike = (one.points is not None) == between
+            if is_alike and one.mean_dilation == geometry.mean_dilation:
                 found = one
-        found = found or kind(geometry, self.material)
+        found = found or Equilibrium(geometry, self.material, between)
         found.units = self.units
         return found
 

@@ -114,9 +114,7 @@ def correct(
     WorkError
         If 200 iterations, or under pressures load steps, do not lead to an equilibrium.
     """
-    held = np.where(equilibrium.free[: equilibrium.nodes], predicted, 0.0)
-    f = equilibrium.forces_at_points(forces[None])
-    u = equilibrium.at_points(held[None], f)
+    f, u = equilibrium.posed(forces[None], predicted[None])
     with closing(LoadProgress("surrogate: correction", equilibrium.units.force)) as progress:
         found = _corrected(equilibrium, f, u, tolerance, progress)
     return replace(found, displacement=found.displacement[: equilibrium.nodes])

@@ -103,20 +103,17 @@ class FastEstimate:
         for row, (load, u) in enumerate(zip(forces, predicted, strict=True)):
             one = slice(row, row + 1)
             body = self.body.under(None if pressure is None else pressure[one])
-            f = body.equilibrium.forces_at_points(load[None])
-            held = np.where(body.equilibrium.free[:nodes], u, 0.0)
-            state = None
-            if np.isfinite(held).all():
-                state = body.state(body.equilibrium.at_points(held[None], f)[0], f[0])
+            (f,), (held,) = body.equilibrium.posed(load[None], u[None])
+            state = body.state(held, f)
             if state is None:
                 continue
             carried = body.compliance.at(state.u)
-            product = partial(body.product, state, f[0])
+            product = partial(body.product, state, f)
             steps = lanczos(product, carried, -state.r, STEPS)
-            error[row], softest[row] = u - held - steps.solution[:nodes], steps.softest
+            error[row], softest[row] = u - held[:nodes] - steps.solution[:nodes], steps.softest
             rest[row] = steps.rest[:nodes]
             if judged:
-                softest[row] = min(softest[row], body.softest(state, f[0]))
+                softest[row] = min(softest[row], body.softest(state, f))
         return error, rest, softest
 
 

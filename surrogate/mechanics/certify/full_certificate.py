@@ -140,9 +140,8 @@ def certify(equilibrium: Equilibrium, forces: Array, predicted: Array) -> Certif
         What is predicted for clamped nodes is wholly an error.
     """
     shape = predicted.shape
-    f = equilibrium.forces_at_points(forces.reshape(-1, *forces.shape[-2:]))
     u = predicted.reshape(-1, *shape[-2:])
-    held = equilibrium.at_points(np.where(equilibrium.free[: equilibrium.nodes], u, 0.0), f)
+    f, held = equilibrium.posed(forces.reshape(-1, *forces.shape[-2:]), u)
     inverted = equilibrium.inverted(held)
     r = equilibrium.out_of_balance(held, f)
     residual = np.where(inverted == 0, norms(r), np.inf)

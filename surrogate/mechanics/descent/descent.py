@@ -111,10 +111,8 @@ def descend(
     Descent
     """
     begun, equilibrium = clock(), body.equilibrium
-    nodes, f = equilibrium.nodes, equilibrium.forces_at_points(force[None])[0]
+    nodes, ((f,), (start,)) = equilibrium.nodes, equilibrium.posed(force[None], predicted[None])
     directions, trust = Directions(body, f), Trust(body, f)
-    held = np.where(equilibrium.free[:nodes], predicted, 0.0)
-    start = equilibrium.at_points(held[None], f[None])[0]
     allowed = aim.allowed(longest(start[:nodes]))
     state = body.state(start, f)
     small = aim.tolerance is not None and last_term < LAST * allowed

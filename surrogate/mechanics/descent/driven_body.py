@@ -107,7 +107,7 @@ class DrivenBody:
 
     def is_dead(self) -> bool:
         """Whether the forces of loads do not follow it, nor points between its nodes."""
-        return type(self.equilibrium) is Equilibrium and self.equilibrium.pressure is None
+        return self.equilibrium.points is None and self.equilibrium.pressure is None
 
     def softest(self, state: State, force: Array) -> float:
         """θ of a state under dead forces in N, (n_points, d): by products where stresses soften."""

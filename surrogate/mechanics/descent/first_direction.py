@@ -36,14 +36,13 @@ def first_direction(body: DrivenBody, force: Array, u: Array) -> Array | None:
     equilibrium = body.equilibrium
     if not np.isfinite(u).all():
         return None
-    points = equilibrium.forces_at_points(force[None])
-    held = np.where(equilibrium.free[: equilibrium.nodes], u, 0.0)
-    state = body.state(equilibrium.at_points(held[None], points)[0], points[0])
+    (f,), (at_points,) = equilibrium.posed(force[None], u[None])
+    state = body.state(at_points, f)
     if state is None:
         return None
     found = -body.compliance.at(state.u)(state.r)[: equilibrium.nodes]
     is_long = longest(found) > FAR * longest(u)  # or as long as rounding errors of a small load
-    if is_long and body.is_balanced(state, points[0]):
+    if is_long and body.is_balanced(state, f):
         return np.zeros_like(u)
     return found
 

@@ -158,7 +158,7 @@ def require_exportable(equilibrium: Equilibrium, count: int) -> None:
     """Raise InputError unless a file can hold so many directions of a body."""
     if not 1 <= count <= MOST:
         raise InputError(f"--directions {count}: expected 1 to {MOST}")
-    linear = type(equilibrium) is Equilibrium and type(equilibrium.solid) is Solid
+    linear = equilibrium.points is None and type(equilibrium.solid) is Solid
     if not linear or equilibrium.geometry.pressed is not None:
         raise InputError(
             f"--directions {count}: expected a body of linear elements, under dead loads"

@@ -26,7 +26,6 @@ from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.equilibrium.block_solve import BlockSolve
 from surrogate.mechanics.equilibrium.kept_responses import KeptResponses
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
-from surrogate.mechanics.equilibrium.quadratic import QuadraticEquilibrium
 from surrogate.mechanics.matrices.factors import SymmetricFactor
 from surrogate.mechanics.matrices.orders import band_order
 from surrogate.mechanics.solids.taylor_hood import TaylorHoodSolid
@@ -83,7 +82,7 @@ class Compliance(nn.Module):
     ) -> None:
         super().__init__()
         between = on_points and geometry.has_points_between
-        self.equilibrium = (QuadraticEquilibrium if between else Equilibrium)(geometry, material)
+        self.equilibrium = Equilibrium(geometry, material, between)
         geometry = self.equilibrium.geometry
         free = np.flatnonzero(~geometry.clamped)
         self.size = len(free) * geometry.dimension

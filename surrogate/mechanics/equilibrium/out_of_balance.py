@@ -36,6 +36,7 @@ from shared_schema.common.bodies.quadratic.quadratic_cells import LINEAR
 from shared_schema.common.keys.units import SI
 from shared_schema.materials import Materials, as_tuple
 from surrogate.mechanics.body.geometry import Geometry
+from surrogate.mechanics.equilibrium import quadratic
 from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
 from surrogate.mechanics.equilibrium.newton_steps import NewtonSteps, norms
 from surrogate.mechanics.equilibrium.tool_springs import ToolSprings
@@ -65,11 +66,15 @@ class Equilibrium:
     ----------
     geometry : Geometry
     material : ShippedMaterial, or tuple of some
+    on_points : bool
+        Whether elements have points between the nodes, which then are nodes of `geometry` here.
 
     Attributes
     ----------
     geometry : Geometry
         Its nodes are all points of the elements.
+    points : PointsBetween or None
+        Those between the nodes.
     nodes : int
         Number of the points that are nodes of the mesh.
     solid : Solid
@@ -94,9 +99,12 @@ class Equilibrium:
     pressure: FollowerPressure | None = None
     springs: ToolSprings | None = None
 
-    def __init__(self, geometry: Geometry, material: Materials) -> None:
+    def __init__(self, geometry: Geometry, material: Materials, on_points: bool = False) -> None:
+        self.nodes, self.points = len(geometry.coordinates), None
+        if on_points:
+            self.points, geometry = geometry.points_between, quadratic.on_points(geometry)
         body = geometry.coordinates, geometry.cells, geometry.cell_type
-        self.geometry, self.nodes = geometry, len(geometry.coordinates)
+        self.geometry, self.material = geometry, material
         self.solid = solid_kind(geometry)(*body, material, geometry.parts, geometry.fibres)
         self.mean_dilation, self.free = geometry.mean_dilation, ~geometry.held
         moduli = max(m.lame_lambda + m.lame_mu for m in as_tuple(material))
@@ -133,28 +141,50 @@ class Equilibrium:
         return body
 
     def at_points(self, u: Array, f: Array) -> Array:
-        """Displacements of all points by those of the nodes in m, under forces f on all in N."""
-        return u
+        """Displacements of all points by those of the nodes in m, under forces f on all in N.
+
+        From (N, n_nodes, d) to (N, n_points, d). The points between are interpolated where cells
+        are inverted.
+        """
+        found = self.interpolated(u)
+        if self.points is not None:
+            for row in np.flatnonzero(self.inverted(found) == 0):
+                one = slice(row, row + 1)
+                found[one] = quadratic.balanced_between(self, found[one], f[one])
+        return found
+
+    def posed(self, load: Array, predicted: Array) -> tuple[Array, Array]:
+        """Forces of loads on all points in N, and predictions at these in m, 0 where they are held.
+
+        From (N, n_nodes or n_points, d) and (N, n_nodes, d) to (N, n_points, d) each.
+        """
+        f = self.forces_at_points(load)
+        return f, self.at_points(np.where(self.free[: self.nodes], predicted, 0.0), f)
 
     def interpolated(self, u: Array) -> Array:
         """Displacements of all points in m, those between the nodes by interpolation."""
-        return u
+        return u if self.points is None else self.points.interpolated(u)
 
     def forces_at_points(self, f: Array) -> Array:
-        """Forces on all points by those of a load, in N."""
-        return f
+        """Forces on all points by those of a load, in N: (N, n_nodes or n_points, d) → latter."""
+        if self.points is None:
+            return f
+        between = f[:, self.nodes :]
+        if between.shape[1] == 0:
+            between = np.zeros((len(f), self.points.between, f.shape[2]))
+        return self.points.on_points(f[:, : self.nodes], between)
 
     def forces_at_nodes(self, f: Array) -> Array:
         """Forces on the nodes that do the work of those on all points, in N."""
-        return f
+        return f if self.points is None else self.points.on_nodes(f)
 
     def load_of(self, f: Array) -> Array:
         """The load that makes forces on all points: the inverse of `forces_at_points`."""
         return np.concatenate([self.forces_at_nodes(f), f[:, self.nodes :]], axis=1)
 
     def imperfection(self) -> Array:
-        """Imperfection of the body at all points, (n_nodes, d)."""
-        return imperfection(self.free.shape)
+        """Imperfection of the nodes, at all points: (n_points, d)."""
+        return self.interpolated(imperfection((self.nodes, self.geometry.dimension)))
 
     def at_rest(self, f: Array) -> Array:
         """Forces on the undeformed body, those of pressures too: (N, n_nodes, d) in N → same."""
@@ -327,6 +357,13 @@ class Equilibrium:
         response = np.zeros_like(forces)
         response[:, self.layout.dofs] = factor.solve(forces[:, self.layout.dofs].T).T
         return response.reshape(f.shape)
+
+    @cached_property
+    def held_at_nodes(self) -> Equilibrium:
+        """The same body, whose nodes are held."""
+        held = ~self.free
+        held[: self.nodes] = True
+        return Equilibrium(replace(self.geometry, single=held), self.material)
 
     @cached_property
     def undeformed(self) -> SymmetricFactor:

@@ -1,4 +1,4 @@
-r"""Equilibrium of a body of quadratic elements, whose predictions are those of its nodes.
+r"""Points between the nodes of a body, whose predictions are those of its nodes.
 
 The *points* of the elements are the nodes of the mesh, that is the corners :math:`u_c` of the
 cells, and the points between them, :math:`u_m`. In any state, the points between the nodes are
@@ -21,94 +21,36 @@ alone.
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.common.bodies.imperfection import imperfection
 from shared_schema.common.bodies.quadratic.quadratic_cells import NAMES
-from shared_schema.materials import Materials
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.equilibrium.newton_steps import norms
-from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
+
+if TYPE_CHECKING:
+    from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 
 Array = NDArray[np.float64]
 ITERATIONS, HALVINGS = 20, 20  # of the points between the nodes
 SMALL = 1e-9  # of the displacement: a step after which the next one is a rounding error
 
 
-class QuadraticEquilibrium(Equilibrium):
-    """Equilibria of one body of quadratic elements; displacements and forces are of its points.
-
-    Parameters
-    ----------
-    geometry : Geometry
-        Of the nodes.
-    material : ShippedMaterial, or tuple of some
-
-    Attributes
-    ----------
-    points : PointsBetween
-    """
-
-    def __init__(self, geometry: Geometry, material: Materials) -> None:
-        self.points = geometry.points_between
-        super().__init__(on_points(geometry), material)
-        self._material, self.nodes = material, len(geometry.coordinates)
-
-    def at_points(self, u: Array, f: Array) -> Array:
-        """Displacements of all points by those of the nodes, in m, under forces on all in N.
-
-        From (N, n_nodes, d) to (N, n_points, d). The points between are interpolated where cells
-        are inverted.
-        """
-        found = self.interpolated(u)
-        for row in np.flatnonzero(self.inverted(found) == 0):
-            one = slice(row, row + 1)
-            found[one] = self._balanced(found[one], f[one])
-        return found
-
-    def interpolated(self, u: Array) -> Array:
-        """Displacements of all points in m: (N, n_nodes, d) → (N, n_points, d)."""
-        return self.points.interpolated(u)
-
-    def forces_at_points(self, f: Array) -> Array:
-        """Forces on all points by those of a load, in N: (N, n_nodes or n_points, d) → latter."""
-        between = f[:, self.nodes :]
-        if between.shape[1] == 0:
-            between = np.zeros((len(f), self.points.between, f.shape[2]))
-        return self.points.on_points(f[:, : self.nodes], between)
-
-    def forces_at_nodes(self, f: Array) -> Array:
-        """Forces on the nodes that do the work of those on all points: the inverse shapes."""
-        return self.points.on_nodes(f)
-
-    def imperfection(self) -> Array:
-        """Imperfection of the nodes, interpolated."""
-        d = self.geometry.dimension
-        return self.interpolated(imperfection((self.nodes, d)))
-
-    @cached_property
-    def held_at_nodes(self) -> Equilibrium:
-        """The same body, whose nodes are held."""
-        held = ~self.free
-        held[: self.nodes] = True
-        return Equilibrium(replace(self.geometry, single=held), self._material)
-
-    def _balanced(self, u: Array, f: Array) -> Array:
-        """Move the points between the nodes to their equilibrium, (1, n_points, d)."""
-        body, pressure = self.held_at_nodes, self.pressure
-        pressed = None if pressure is None or pressure.points is None else body.under(pressure)
-        u = body.relaxed(u, f)
-        for _ in range(ITERATIONS):
-            lowered = lower(body, u, f if pressed is None else pressed.external(u, f))
-            if lowered is None:
-                break
-            size, u = norms(lowered - u), lowered
-            if size <= SMALL * norms(u):
-                break
-        return u
+def balanced_between(body: Equilibrium, u: Array, f: Array) -> Array:
+    """Move the points between the nodes to their equilibrium, (1, n_points, d)."""
+    held, pressure = body.held_at_nodes, body.pressure
+    pressed = None if pressure is None or pressure.points is None else held.under(pressure)
+    u = held.relaxed(u, f)
+    for _ in range(ITERATIONS):
+        lowered = lower(held, u, f if pressed is None else pressed.external(u, f))
+        if lowered is None:
+            break
+        size, u = norms(lowered - u), lowered
+        if size <= SMALL * norms(u):
+            break
+    return u
 
 
 def lower(body: Equilibrium, u: Array, f: Array) -> Array | None:

@@ -28,7 +28,6 @@ from surrogate.mechanics.certify.fast_estimate import FastEstimate
 from surrogate.mechanics.descent import DrivenBody
 from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
-from surrogate.mechanics.equilibrium.quadratic import QuadraticEquilibrium
 from tests.surrogate.mechanics.bodies import cells_of
 
 SHAPE, SIZE = (6, 3), (3.0, 1.0)
@@ -73,8 +72,8 @@ def geometry_of(material: str, element: str) -> Geometry:
 @cache
 def estimate_of(material: str, element: str) -> FastEstimate:
     geometry = geometry_of(material, element)
-    kind = QuadraticEquilibrium if geometry.has_points_between else Equilibrium
-    return FastEstimate(DrivenBody.of(kind(geometry, MATERIALS[material])))
+    on_points = geometry.has_points_between
+    return FastEstimate(DrivenBody.of(Equilibrium(geometry, MATERIALS[material], on_points)))
 
 
 def load_of(geometry: Geometry, load: str) -> tuple[np.ndarray, FollowerPressure | None]:

@@ -15,7 +15,6 @@ from surrogate.mechanics.certify.correction import correct
 from surrogate.mechanics.descent import carried_compliance
 from surrogate.mechanics.descent.carried_compliance import CarriedCompliance, exponential
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
-from surrogate.mechanics.equilibrium.quadratic import QuadraticEquilibrium
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load, zoned
 
 KINDS = (
@@ -52,7 +51,7 @@ def body_of(kind: str) -> Equilibrium:
     if "zones" in words:
         return Equilibrium(*zoned(cell_type))
     if "points between" in words:
-        return QuadraticEquilibrium(geometry, MATERIAL)
+        return Equilibrium(geometry, MATERIAL, on_points=True)
     return Equilibrium(geometry, MATERIAL)
 
 

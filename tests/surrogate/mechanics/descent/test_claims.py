@@ -18,7 +18,6 @@ from surrogate.mechanics.certify.correction import correct
 from surrogate.mechanics.descent import Aim, Descent, DrivenBody, descend
 from surrogate.mechanics.descent.driven_body import longest
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
-from surrogate.mechanics.equilibrium.quadratic import QuadraticEquilibrium
 from tests.surrogate.conftest import box_cells
 from tests.surrogate.mechanics.bodies import MATERIAL, TRIANGLES
 from tests.surrogate.mechanics.descent.test_carried_compliance import body_of
@@ -131,8 +130,8 @@ def test_loads_that_mislead_directions(case: str) -> None:
     the triangles, rounding errors decide whether a hundred directions lead to the equilibrium.
     """
     geometry, material, load, factor = CASES[case]
-    kind = QuadraticEquilibrium if geometry.mean_dilation else Equilibrium
-    body, force = kind(geometry, material), drawn(geometry, *load)
+    on_points = geometry.mean_dilation
+    body, force = Equilibrium(geometry, material, on_points), drawn(geometry, *load)
     found, descent = descend(
         DrivenBody.of(body), force, beside(body, force, factor), Aim(TOLERANCE)
     )

@@ -15,7 +15,6 @@ from surrogate.mechanics.descent import Aim, Descent, DrivenBody, descend, drive
 from surrogate.mechanics.descent.driven_body import longest
 from surrogate.mechanics.descent.trust import MARGIN
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
-from surrogate.mechanics.equilibrium.quadratic import QuadraticEquilibrium
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
 from tests.surrogate.mechanics.descent.test_carried_compliance import KINDS, body_of
 from tests.surrogate.mechanics.equilibrium.test_follower_pressure import pressed
@@ -218,8 +217,8 @@ def test_stresses_soften_columns_of_incompressible_elements(
     geometry = replace(box(cell_type), mean_dilation=True)
     long = geometry.coordinates * ([4.0] + [1.0] * (geometry.dimension - 1))
     geometry = replace(geometry, coordinates=long, has_points_between=cell_type == "triangle")
-    kind = QuadraticEquilibrium if cell_type == "triangle" else Equilibrium
-    equilibrium = kind(geometry, material)
+    on_points = cell_type == "triangle"
+    equilibrium = Equilibrium(geometry, material, on_points)
     body = DrivenBody.of(equilibrium)
     along = equilibrium.geometry.coordinates[:, :1]
     u = np.pad(-0.015 * along, ((0, 0), (0, geometry.dimension - 1))) * equilibrium.free

@@ -18,7 +18,6 @@ from surrogate.mechanics.certify.correction import correct
 from surrogate.mechanics.certify.full_certificate import certify
 from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
-from surrogate.mechanics.equilibrium.quadratic import QuadraticEquilibrium
 from surrogate.mechanics.equilibrium.stresses import cell_stresses, reactions
 from surrogate.mechanics.solids.deformation import completed, stress
 from tests.surrogate.mechanics.bodies import MATERIAL, box
@@ -95,7 +94,7 @@ def test_patch_under_tractions(cell_type: str, whole: bool, material: NeoHookean
     f = torch.from_numpy(np.diag(stretches))[:, :, None, None, None]
     p = stress(completed(f), material)[:d, :d, 0, 0, 0].numpy()
     load = load_of(geometry, traction_of(geometry, p))
-    body = QuadraticEquilibrium(geometry, material)
+    body = Equilibrium(geometry, material, on_points=True)
     expected = geometry.coordinates * (stretches - 1)
     found = correct(body, load, np.zeros_like(expected)).displacement
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
@@ -111,7 +110,7 @@ def test_patch_under_pressure(cell_type: str, whole: bool) -> None:
     values = np.full((1, d), p)
     surfaces = faces(geometry)
     pressure = FollowerPressure.on(geometry.coordinates, surfaces, values, geometry.points_between)
-    body = QuadraticEquilibrium(geometry, MATERIAL).under(pressure)
+    body = Equilibrium(geometry, MATERIAL, on_points=True).under(pressure)
     expected, nothing = (stretch - 1) * geometry.coordinates, np.zeros_like(geometry.coordinates)
     found = correct(body, nothing, nothing).displacement
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
@@ -124,7 +123,7 @@ def test_column_under_its_weight(cell_type: str) -> None:
     x, weight = positions(geometry), 1e-4
     forces = np.zeros_like(x)
     forces[:, 0] = weight * nodal_volumes(x, geometry.points_between.cells)
-    body = QuadraticEquilibrium(geometry, NeoHookean(young_modulus=500, poisson_ratio=0))
+    body = Equilibrium(geometry, NeoHookean(young_modulus=500, poisson_ratio=0), on_points=True)
     load = load_of(geometry, forces)
     found = body.linear_response(body.forces_at_points(load[None]))[0]
     expected = weight * (2 * x[:, 0] - x[:, 0] ** 2 / 2) / 500
@@ -139,7 +138,7 @@ def test_correction_and_certificate(cell_type: str, whole: bool) -> None:
     """Under all loads at once: residuals, the points between, the error of a wrong prediction."""
     geometry = body_of(cell_type, whole)
     load, pressure = loads_on(geometry)
-    body = QuadraticEquilibrium(geometry, MATERIAL).under(pressure)
+    body = Equilibrium(geometry, MATERIAL, on_points=True).under(pressure)
     f, nothing = body.forces_at_points(load[None]), np.zeros_like(geometry.coordinates)
     u = correct(body, load, nothing).displacement
     at_points = body.at_points(u[None], f)
@@ -162,7 +161,7 @@ def test_the_tangent_is_that_of_the_forces(cell_type: str, whole: bool) -> None:
     """Newton's step answers the change of the out-of-balance forces, by differences."""
     geometry = body_of(cell_type, whole)
     pressure = loads_on(geometry)[1].scaled(10)
-    body: Equilibrium = QuadraticEquilibrium(geometry, MATERIAL).under(pressure)
+    body = Equilibrium(geometry, MATERIAL, on_points=True).under(pressure)
     u = 0.0005 * np.sin(3 * body.geometry.coordinates)[None] * body.free
     direction, small = np.random.default_rng(0).normal(size=u.shape) * body.free, 1e-6
     change = [body.out_of_balance(u + sign * small * direction, 0 * u) for sign in (1, -1)]
@@ -196,7 +195,7 @@ def test_stresses_of_a_given_displacement_know_the_load() -> None:
     forces = np.zeros_like(x)
     forces[:, 0] = weight * nodal_volumes(x, geometry.points_between.cells)
     material = NeoHookean(young_modulus=500, poisson_ratio=0)
-    body, load = QuadraticEquilibrium(geometry, material), load_of(geometry, forces)
+    body, load = Equilibrium(geometry, material, on_points=True), load_of(geometry, forces)
     u = correct(body, load, np.zeros_like(geometry.coordinates)).displacement[None]
     found = {}
     for name, given in {"all": load, "nodes": load[: body.nodes]}.items():

@@ -29,7 +29,6 @@ from shared_schema.materials import NeoHookean
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.equilibrium.newton_steps import norms
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
-from surrogate.mechanics.equilibrium.quadratic import QuadraticEquilibrium
 from surrogate.mechanics.solids.deformation import stress
 from tests.surrogate.mechanics.bodies import MATERIAL, cells_of
 
@@ -155,7 +154,9 @@ def test_quadratic_elements(cell_type: str) -> None:
     """Powers 3 and 2."""
     displacement, gradient = rates(
         [
-            errors(QuadraticEquilibrium(unit_box(cell_type, cells), MATERIAL), MATERIAL, general)
+            errors(
+                Equilibrium(unit_box(cell_type, cells), MATERIAL, on_points=True), MATERIAL, general
+            )
             for cells in QUADRATIC[cell_type]
         ]
     )
@@ -170,9 +171,9 @@ def test_nearly_incompressible_elements(cell_type: str) -> None:
     found = []
     for cells in INCOMPRESSIBLE[cell_type]:
         body = replace(unit_box(cell_type, cells), mean_dilation=True)
-        kind = QuadraticEquilibrium if cell_type in ("triangle", "tetra") else Equilibrium
-        found.append(errors(kind(body, material), material, isochoric))
+        on_points = cell_type in ("triangle", "tetra")
+        found.append(errors(Equilibrium(body, material, on_points), material, isochoric))
     displacement, gradient = rates(found)
-    of_displacement = 3 if kind is QuadraticEquilibrium else 2
+    of_displacement = 3 if on_points else 2
     assert of_displacement - 0.1 < displacement < of_displacement + 0.2
     assert of_displacement - 1.1 < gradient < of_displacement - 0.8

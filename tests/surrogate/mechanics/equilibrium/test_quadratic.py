@@ -17,7 +17,7 @@ from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.certify.correction import correct
 from surrogate.mechanics.certify.full_certificate import certify
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
-from surrogate.mechanics.equilibrium.quadratic import QuadraticEquilibrium, on_points
+from surrogate.mechanics.equilibrium.quadratic import on_points
 from surrogate.mechanics.solids.deformation import energy_density
 from surrogate.mechanics.solids.elements import gradients_at
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
@@ -56,7 +56,7 @@ def test_homogeneous_deformation(cell_type: str) -> None:
     """E = W(F) V, less where the points of the free surface have moved."""
     geometry = box(cell_type)
     free = replace(geometry, clamped=np.zeros(len(geometry.coordinates), dtype=bool))
-    body, d = QuadraticEquilibrium(free, MATERIAL), geometry.dimension
+    body, d = Equilibrium(free, MATERIAL, on_points=True), geometry.dimension
     change = 0.1 * np.random.default_rng(0).normal(size=(d, d))
     u = (body.geometry.coordinates @ change.T)[None]
     expected = energy_density(torch.from_numpy(np.eye(d) + change), MATERIAL) * 2.0
@@ -69,7 +69,7 @@ def test_homogeneous_deformation(cell_type: str) -> None:
 def test_points_between_the_nodes_are_in_equilibrium(cell_type: str) -> None:
     """Energy has no slope along them; held and turned-over states stay interpolated."""
     geometry = box(cell_type)
-    body = QuadraticEquilibrium(geometry, MATERIAL)
+    body = Equilibrium(geometry, MATERIAL, on_points=True)
     u = 0.05 * np.sin(3 * geometry.coordinates)[None] * geometry.free
     points = body.at_points(u, np.zeros((1, *body.free.shape)))
     np.testing.assert_array_equal(points[:, : body.nodes], u)
@@ -77,7 +77,7 @@ def test_points_between_the_nodes_are_in_equilibrium(cell_type: str) -> None:
     r = body.out_of_balance(points, 0 * points)[0]
     assert np.abs(r[body.nodes :]).max() < 1e-9 * np.abs(r).max()
     turned = turned_over(geometry)[None]
-    expected = body.points.interpolation @ turned[0]
+    expected = geometry.points_between.interpolation @ turned[0]
     np.testing.assert_allclose(body.at_points(turned, 0 * points)[0], expected)
     force = body.forces_at_nodes(r[None])
     assert force.sum((0, 1)) == pytest.approx(r.sum(0), abs=1e-9 * np.abs(r).max())
@@ -87,7 +87,7 @@ def test_points_between_the_nodes_are_in_equilibrium(cell_type: str) -> None:
 def test_correction_and_certificate(cell_type: str) -> None:
     """From a wrong prediction to an equilibrium, and the error of it in its neighbourhood."""
     geometry = box(cell_type)
-    body = QuadraticEquilibrium(geometry, MATERIAL)
+    body = Equilibrium(geometry, MATERIAL, on_points=True)
     force = end_load(geometry, *(5.0, 5.0, 5.0)[: geometry.dimension])
     found = correct(body, force, 0.02 * np.sin(geometry.coordinates))
     u = found.displacement
@@ -109,7 +109,7 @@ def test_correction_and_certificate(cell_type: str) -> None:
 
 def test_many_certificates_are_those_of_each() -> None:
     geometry = box("quad")
-    body = QuadraticEquilibrium(geometry, MATERIAL)
+    body = Equilibrium(geometry, MATERIAL, on_points=True)
     force = np.stack([end_load(geometry, 0.0, y) for y in (-2.0, 1.0, 3.0)])
     predicted = 0.01 * np.sin(force.sum((1, 2), keepdims=True) * geometry.coordinates)
     together = certify(body, force, predicted)
@@ -122,7 +122,7 @@ def test_it_bends_more_than_linear_triangles() -> None:
     """Linear triangles are a fifth too stiff in bending at ν = 0.4, quadratic ones are not."""
     geometry = box("triangle")
     force = end_load(geometry, 0.0, -1.0)[None]
-    body = QuadraticEquilibrium(geometry, MATERIAL)
+    body = Equilibrium(geometry, MATERIAL, on_points=True)
     moved = body.linear_response(body.forces_at_points(force))[0, body.nodes - 1, 1]
     linear = Equilibrium(geometry, MATERIAL).linear_response(force)[0, -1, 1]
     fine = Equilibrium(box("quad"), MATERIAL).linear_response(force)[0, -1, 1]

@@ -26,7 +26,6 @@ from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.certify.correction import correct
 from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
-from surrogate.mechanics.equilibrium.quadratic import QuadraticEquilibrium
 from surrogate.mechanics.series.body_series import BodySeries
 from surrogate.mechanics.series.pressure_terms import PressedFacets
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
@@ -75,7 +74,7 @@ def body(element: str, cell_type: str, material: str) -> Equilibrium:
     )
     if element == "quadratic" or (whole and cell_type in ("triangle", "tetra")):
         geometry = replace(geometry, has_points_between=True)
-        return QuadraticEquilibrium(geometry, MATERIALS[material])
+        return Equilibrium(geometry, MATERIALS[material], on_points=True)
     return Equilibrium(geometry, MATERIALS[material])
 
 

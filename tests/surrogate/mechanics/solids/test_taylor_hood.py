@@ -13,7 +13,6 @@ from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.certify.correction import correct
 from surrogate.mechanics.certify.full_certificate import certify
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
-from surrogate.mechanics.equilibrium.quadratic import QuadraticEquilibrium
 from surrogate.mechanics.solids.deformation import energy_density
 from surrogate.mechanics.solids.taylor_hood import TaylorHoodSolid
 from tests.surrogate.mechanics.bodies import box, end_load
@@ -26,13 +25,13 @@ STEP = 1e-6  # m, of central differences
 
 def body_of(
     cell_type: str, material: ShippedMaterial = SILICONE, length: float = 2.0, free: bool = False
-) -> QuadraticEquilibrium:
+) -> Equilibrium:
     geometry = replace(box(cell_type), mean_dilation=True)
     coordinates = geometry.coordinates.copy()
     coordinates[:, 0] *= length / 2.0
     clamped = geometry.clamped & (not free)
-    return QuadraticEquilibrium(
-        replace(geometry, coordinates=coordinates, clamped=clamped), material
+    return Equilibrium(
+        replace(geometry, coordinates=coordinates, clamped=clamped), material, on_points=True
     )
 
 
@@ -175,7 +174,7 @@ def test_two_materials_and_small_units() -> None:
             for e, ratio in ((500, 0.4999), (100, 0.3))
         )
         scaled = replace(geometry, coordinates=length * geometry.coordinates, parts=parts)
-        body = QuadraticEquilibrium(scaled, layers)
+        body = Equilibrium(scaled, layers, on_points=True)
         loaded = force * modulus * length
         found.append(correct(body, loaded, np.zeros_like(force)).displacement / length)
     assert np.abs(found[0]).max() > 0.03

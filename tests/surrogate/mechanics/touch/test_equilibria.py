@@ -11,7 +11,7 @@ import pytest
 
 import surrogate
 from shared_schema.tools import Plane, Sphere
-from surrogate.mechanics.equilibrium.quadratic import QuadraticEquilibrium
+from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from tests.surrogate.mechanics.bodies import MATERIAL, box
 
 DISC, COLUMN = Sphere((3.0, 1.2), 0.3), Sphere((4.05, 0.5), 0.3)
@@ -44,7 +44,7 @@ def test_equilibrium_with_a_tool(beam: surrogate.Surrogate, tool: Sphere | Plane
 def test_points_between_the_nodes(mean_dilation: bool) -> None:
     """Quadratic triangles, and Taylor and Hood's: a plane against the end of a clamped box."""
     geometry = replace(box("triangle"), mean_dilation=mean_dilation)
-    body = QuadraticEquilibrium(geometry, MATERIAL)
+    body = Equilibrium(geometry, MATERIAL, on_points=True)
     plane = Plane((1.8, 0.0), (-1.0, 0.0))
     model: Any = SimpleNamespace(geometry=geometry, equilibrium=body, has_series=True)
     found = surrogate.Touch(model).correct(plane)
