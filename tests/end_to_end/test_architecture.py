@@ -81,10 +81,7 @@ MOVING = {  # files whose imports go upward until their rooms are in order
     "surrogate.mechanics.body.body",
     "surrogate.mechanics.body.given_load",
     "surrogate.mechanics.body.stiffness",
-    "surrogate.mechanics.certify.conformal",
     "surrogate.mechanics.identification.identification",
-    "surrogate.mechanics.solids.solid",
-    "surrogate.mechanics.solids.taylor_hood",
 }
 
 

@@ -10,7 +10,7 @@ from shared_schema.grid import Grid
 from surrogate.learning.networks.field_network import FieldNetwork
 from surrogate.learning.networks.held_nodes import HeldNodes
 from surrogate.learning.probabilistic.likelihoods import Prediction
-from surrogate.mechanics.equilibrium.weighted_sums import WeightedSums, transposed
+from surrogate.mechanics.matrices.sparse_products import WeightedSums, matrix_of
 
 
 class NodalNetwork(nn.Module):
@@ -33,9 +33,8 @@ class NodalNetwork(nn.Module):
         super().__init__()
         self.network, self.held = network, held
         self.shape = grid.shape
-        self.to_nodes = WeightedSums(grid.points, grid.point_weights)
-        count = int(np.prod(grid.shape))
-        self.to_grid = WeightedSums(*transposed(grid.points, grid.point_weights, count))
+        to_nodes = matrix_of(grid.points, grid.point_weights, int(np.prod(grid.shape)))
+        self.to_nodes, self.to_grid = WeightedSums(to_nodes), WeightedSums(to_nodes.T.tocsr())
 
     def forward(self, force: Tensor, passes: int = 1, response: Tensor | None = None) -> Prediction:
         """Predict with one pass, or with several drawn passes (`probabilistic.stochastic_passes`).

@@ -48,7 +48,7 @@ class ReducedAtNodes:
         self.modes = nodal_modes(network).transpose(1, 2).flatten(1).contiguous()
         self.compliance: Compliance | None = None
         maps = network.to_nodes, network.to_grid, linear.to_grid, linear.to_nodes
-        if all(len(sums.weights) == 1 for sums in maps):
+        if all(sums.selects for sums in maps):
             assert isinstance(linear.compliance, Compliance)
             self.compliance = linear.compliance
         self.kept = KeptResponses(self._responses, len(self.encoder))

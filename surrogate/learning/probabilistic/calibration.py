@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
-from surrogate.mechanics.body.free_components import at_free, by_component
+from surrogate.mechanics.body.free_components import at_free, by_component, require_positive
 
 Array = NDArray[np.float64]
 
@@ -150,16 +150,6 @@ def rank_correlation(x: Array, y: Array) -> Array:
     a, b = rankdata(x, axis=-1) - mean_rank, rankdata(y, axis=-1) - mean_rank
     scale = np.sqrt((a**2).sum(axis=-1) * (b**2).sum(axis=-1))
     return (a * b).sum(axis=-1) / np.where(scale > 0, scale, 1.0)
-
-
-def require_positive(std: Array, free: NDArray[np.bool_]) -> None:
-    """Raise ValueError unless σ, (M, n_nodes, d), is positive and finite where it is free."""
-    wrong = ~(np.isfinite(std) & (std > 0)) & by_component(free, std.shape[-1])
-    if np.any(wrong):
-        first = tuple(int(index) for index in np.argwhere(wrong)[0])
-        raise ValueError(
-            f"std of (sample, node, component) {first} is {std[first]}, expected a positive number"
-        )
 
 
 def measure_calibration(

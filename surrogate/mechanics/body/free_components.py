@@ -37,3 +37,13 @@ def at_free(values: NDArray[Any], free: NDArray[np.bool_]) -> NDArray[Any]:
     if free.ndim == 1 or np.array_equal(whole, free.any(axis=1)):
         return np.asarray(values[:, whole])
     return np.asarray(values[:, free][..., None])
+
+
+def require_positive(std: NDArray[np.float64], free: NDArray[np.bool_]) -> None:
+    """Raise ValueError unless σ, (M, n_nodes, d), is positive and finite where it is free."""
+    wrong = ~(np.isfinite(std) & (std > 0)) & by_component(free, std.shape[-1])
+    if np.any(wrong):
+        first = tuple(int(index) for index in np.argwhere(wrong)[0])
+        raise ValueError(
+            f"std of (sample, node, component) {first} is {std[first]}, expected a positive number"
+        )

@@ -22,8 +22,8 @@ import torch
 from scipy.sparse import csr_array
 from torch import Tensor, nn
 
-from surrogate.mechanics.equilibrium.weighted_sums import padded_rows
 from surrogate.mechanics.matrices.orders import band_order
+from surrogate.mechanics.matrices.sparse_products import SparseProduct
 from surrogate.runtime.cuda_graphs import Replayed
 
 if TYPE_CHECKING:
@@ -35,30 +35,6 @@ ALIGNED = 32  # rows of a block on a GPU are a multiple, so that products read w
 PROBES = 4  # random forces, by which errors are measured
 FEW = 4  # right-hand sides up to which launching the kernels one by one takes longest
 CPU = torch.device("cpu")
-
-
-class SparseProduct(nn.Module):
-    """Product with a sparse matrix: (columns, N) → (rows, N).
-
-    Few operations, since a file of many takes minutes to write.
-    """
-
-    columns: Tensor
-    weights: Tensor
-
-    def __init__(self, matrix: csr_array, dtype: torch.dtype) -> None:
-        super().__init__()
-        columns, weights = padded_rows(matrix)
-        self.shape = columns.T.shape
-        flat = torch.from_numpy(columns.T.astype(np.int32).flatten())
-        self.register_buffer("columns", flat, persistent=False)
-        values = torch.from_numpy(weights.T).to(dtype)[:, :, None]
-        self.register_buffer("weights", values, persistent=False)
-
-    def forward(self, x: Tensor) -> Tensor:
-        """Multiply."""
-        terms = x.index_select(0, self.columns).reshape(*self.shape, -1)
-        return (terms * self.weights).sum(0)
 
 
 class BlockSolve(nn.Module):

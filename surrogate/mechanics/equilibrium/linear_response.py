@@ -10,7 +10,6 @@ force of a grid point is distributed over the nodes around it.
 
 from __future__ import annotations
 
-import numpy as np
 import torch
 from torch import Tensor, nn
 
@@ -20,7 +19,7 @@ from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.equilibrium.block_solve import BlockSolve
 from surrogate.mechanics.equilibrium.compliance import Compliance
 from surrogate.mechanics.equilibrium.nodal_gradient import nodal_gradient
-from surrogate.mechanics.equilibrium.weighted_sums import WeightedSums, padded_rows, transposed
+from surrogate.mechanics.matrices.sparse_products import WeightedSums, matrix_of
 
 AT_ONCE = 256  # samples
 
@@ -62,14 +61,13 @@ class LinearResponse(nn.Module):
         self.compliance: Compliance | BlockSolve = Compliance(
             geometry, material, precision, on_points
         )
-        sources = np.maximum(grid.sources, 0).reshape(-1, grid.sources.shape[-1])
-        weights = grid.source_weights.reshape(sources.shape)
-        self.to_grid = WeightedSums(sources, weights)
-        self.to_nodes = WeightedSums(*transposed(sources, weights, self.nodes))
+        sources = grid.sources.reshape(-1, grid.sources.shape[-1])
+        to_grid = matrix_of(sources, grid.source_weights.reshape(sources.shape), self.nodes)
+        self.to_grid, self.to_nodes = WeightedSums(to_grid), WeightedSums(to_grid.T.tocsr())
         operators = []
         if gradient:
             operators = nodal_gradient(geometry.coordinates, geometry.cells, geometry.cell_type)
-        self.derivatives = nn.ModuleList(WeightedSums(*padded_rows(o)) for o in operators)
+        self.derivatives = nn.ModuleList(WeightedSums(o) for o in operators)
         self.register_buffer("gradient_rms", torch.ones(()))
 
     def _load_from_state_dict(self, state: dict[str, Tensor], prefix: str, *others: object) -> None:

@@ -24,8 +24,8 @@ from scipy.sparse import csr_array
 from torch import Tensor, nn
 
 from shared_schema.common.bodies.facet_quadrature import shape_functions
-from surrogate.mechanics.equilibrium.block_solve import SparseProduct
 from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
+from surrogate.mechanics.matrices.sparse_products import SparseProduct
 
 Array = NDArray[np.float64]
 CPU = torch.device("cpu")

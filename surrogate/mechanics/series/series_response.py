@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 import torch
+from scipy.sparse import eye_array
 from torch import Tensor
 
 from shared_schema.materials import Materials
@@ -24,7 +25,7 @@ from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.equilibrium.compliance import Compliance
 from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
 from surrogate.mechanics.equilibrium.linear_response import LinearResponse
-from surrogate.mechanics.equilibrium.weighted_sums import WeightedSums
+from surrogate.mechanics.matrices.sparse_products import WeightedSums
 from surrogate.mechanics.series.body_series import BodySeries
 from surrogate.mechanics.series.pressure_terms import PressedFacets
 
@@ -66,11 +67,8 @@ class SeriesResponse(LinearResponse):
         self.series = BodySeries(self.equilibrium, order, *responses, self.precision)
         self.on_points: WeightedSums | None = None
         if geometry.has_points_between:
-            interpolation = geometry.points_between.interpolation
-            spread = np.zeros((interpolation.shape[0], 1))  # forces between the nodes: none
-            spread[: self.nodes] = 1
-            numbers = np.minimum(np.arange(len(spread)), self.nodes - 1)[:, None]
-            self.on_points = WeightedSums(numbers, spread, torch.float64)
+            spread = eye_array(len(self.equilibrium.free), self.nodes, format="csr")
+            self.on_points = WeightedSums(spread, torch.float64)  # no forces between the nodes
         self.pressed: PressedLoads | None = None
         if geometry.surfaces:
             self.pressed = PressedLoads(geometry, self, self.equilibrium.geometry.coordinates)

@@ -40,7 +40,7 @@ from torch import Tensor, nn
 
 from shared_schema.materials import Materials, as_tuple
 from surrogate.mechanics.energy.law import DILATION, VOLUME, Law, law_of
-from surrogate.mechanics.equilibrium.block_solve import SparseProduct
+from surrogate.mechanics.matrices.sparse_products import SparseProduct
 from surrogate.mechanics.solids.deformation import Deformation, cofactors, determinant, moduli_of
 from surrogate.mechanics.solids.elements import cell_gradients
 

@@ -35,8 +35,8 @@ from torch import Tensor
 
 from shared_schema.common.bodies.quadratic.quadratic_cells import quadratic_quadrature
 from surrogate.mechanics.energy.law import law_of
-from surrogate.mechanics.equilibrium.block_solve import SparseProduct
 from surrogate.mechanics.matrices.cell_matrices import sum_of_cells
+from surrogate.mechanics.matrices.sparse_products import SparseProduct
 from surrogate.mechanics.solids.deformation import determinant
 from surrogate.mechanics.solids.solid import Points, Solid
 

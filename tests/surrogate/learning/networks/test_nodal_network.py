@@ -12,7 +12,7 @@ from shared_schema.layout import NO_NODE
 from surrogate.learning.networks.load_count_factor import LoadCountFactor
 from surrogate.learning.networks.nodal_network import NodalNetwork
 from surrogate.learning.probabilistic.likelihoods import Prediction
-from surrogate.mechanics.equilibrium.weighted_sums import WeightedSums, transposed
+from surrogate.mechanics.matrices.sparse_products import WeightedSums, matrix_of
 
 RNG = np.random.default_rng(0)
 
@@ -76,15 +76,15 @@ def test_passes_are_parts_of_the_batch() -> None:
 
 def test_weighted_sums_by_hand() -> None:
     """2·5 + 3·7 = 31; 1·11."""
-    sums = WeightedSums(np.array([[0, 1], [2, 0]]), np.array([[2.0, 3.0], [1.0, 0.0]]))
+    matrix = matrix_of(np.array([[0, 1], [2, -1]]), np.array([[2.0, 3.0], [1.0, 0.0]]), 3)
+    sums = WeightedSums(matrix)
     assert sums(torch.tensor([[5.0, 7.0, 11.0]])).tolist() == [[31.0, 11.0]]
 
 
-def test_transpose_by_hand() -> None:
-    """The matrix (2 3 0 0; 4 0 1 0) has the columns (2 4), (3), (1) and one that is empty."""
-    sources, weights = transposed(np.array([[0, 1], [2, 0]]), np.array([[2.0, 3.0], [1.0, 4.0]]), 4)
-    assert weights.tolist() == [[2.0, 4.0], [3.0, 0.0], [1.0, 0.0], [0.0, 0.0]]
-    assert sources.tolist() == [[0, 1], [0, 0], [1, 0], [0, 0]]
+def test_matrix_by_hand() -> None:
+    """Its rows need not be in order, and one column is empty."""
+    matrix = matrix_of(np.array([[0, 1], [2, 0]]), np.array([[2.0, 3.0], [1.0, 4.0]]), 4)
+    assert matrix.toarray().tolist() == [[2, 3, 0, 0], [4, 0, 1, 0]]
 
 
 @pytest.mark.parametrize("k", [1, 3])
@@ -95,7 +95,7 @@ def test_sums_with_and_without_gradients_are_the_same(k: int, dtype: torch.dtype
         RNG.integers(0, 7, (9, k)),
         RNG.normal(size=(9, k)) * RNG.integers(0, 2, (9, k)),
     )
-    sums, values = WeightedSums(sources, weights), RNG.normal(size=(30, 2, 11))
+    sums, values = WeightedSums(matrix_of(sources, weights, 11)), RNG.normal(size=(30, 2, 11))
     tracked = torch.tensor(values, dtype=dtype, requires_grad=True)
     expected = (weights * values[..., sources]).sum(axis=-1)
     for found in (sums(tracked), sums(tracked.detach())):

@@ -20,8 +20,8 @@ from surrogate.learning.probabilistic.calibration import (
     miscalibration_area,
     negative_log_likelihood,
     rank_correlation,
-    require_positive,
 )
+from surrogate.mechanics.body.free_components import require_positive
 
 NORMAL = NormalDist()
 FREE = np.array([False, True, True, True, True, True])
