@@ -14,7 +14,7 @@ from typing import Any
 
 from shared_schema.common.drawing import save
 from surrogate import load
-from surrogate.figures import error_beside_certificate
+from surrogate.figures.field_figures import error_beside_certificate
 
 FIGURES = Path(__file__).parents[1] / "docs" / "figures"
 SHOWN: dict[str, tuple[str, dict[str, Any]]] = {

@@ -8,7 +8,7 @@ import yaml
 from pydantic import Field
 
 from shared_schema.common import Frozen, read_yaml, validate
-from surrogate.learning.evaluation import Published
+from surrogate import Published
 
 SOURCE = Path(__file__).with_name("paper.yaml")
 CITATION = (

@@ -15,7 +15,7 @@ from experiments.benchmarks import benchmark, directions, training
 from experiments.benchmarks.benchmark import stored_record
 from shared_schema import read_manifest
 from shared_schema.common import InputError, Parser
-from surrogate.learning.data import Dataset
+from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.models.unet_model import UNetModel
 from surrogate.learning.networks.unet import UNetConfig
 

@@ -30,7 +30,7 @@ from experiments.gpu.recipes import paper_recipe
 from experiments.gpu.setting import GpuSetting
 from shared_schema.checker import check_dataset
 from shared_schema.common import make_parser
-from surrogate.learning.data import read_dataset
+from surrogate.learning.data.joined_dataset import read_dataset
 
 CPU = torch.device("cpu")
 IMPORTED = {"pyyaml": "yaml", "scikit-learn": "sklearn"}

@@ -26,7 +26,8 @@ from shared_schema.manifest import (
     write_manifest,
 )
 from shared_schema.shard import write_shard
-from surrogate.learning.data import Dataset, read_dataset
+from surrogate.learning.data.dataset import Dataset
+from surrogate.learning.data.joined_dataset import read_dataset
 from surrogate.learning.evaluation.run_evaluation import evaluate
 from surrogate.learning.models.unet_model import UNetModel
 from surrogate.learning.probabilistic.likelihoods import Likelihood

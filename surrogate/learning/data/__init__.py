@@ -6,11 +6,9 @@ from shared_schema.common.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from surrogate.learning.data.dataset import Dataset
-    from surrogate.learning.data.joined_dataset import read_dataset
-    from surrogate.learning.data.load_families import RandomLoads, random_loads
+    from surrogate.learning.data.load_families import RandomLoads
     from surrogate.learning.data.nodal_dataset import NodalDataset, NodalSamples, read_nodal_dataset
     from surrogate.learning.data.samples import Samples
-    from surrogate.learning.data.samples_on_disk import SamplesOnDisk
     from surrogate.mechanics.body.free_components import at_free
     from surrogate.mechanics.body.geometry import Geometry
 
@@ -21,10 +19,7 @@ __all__ = [
     "NodalSamples",
     "RandomLoads",
     "Samples",
-    "SamplesOnDisk",
     "at_free",
-    "random_loads",
-    "read_dataset",
     "read_nodal_dataset",
 ]
 __getattr__, __dir__ = lazy_names(__name__)

@@ -25,33 +25,23 @@ from typing import TYPE_CHECKING
 from shared_schema.common.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from surrogate.learning.inference.calibrated_bounds import (
-        HeldOut,
-        fit_fast_certificate,
-        fit_on_samples,
-    )
+    from surrogate.learning.inference.calibrated_bounds import fit_fast_certificate
     from surrogate.learning.inference.export import NodalFunction, fixed_directions
     from surrogate.learning.inference.fresh_loads import drawn_loads
-    from surrogate.learning.inference.loading import load
     from surrogate.learning.inference.modal_cubature import balance, fit_balance
     from surrogate.learning.inference.proposal import farthest
     from surrogate.learning.inference.surrogate import Surrogate
-    from surrogate.learning.inference.training_range import OutsideTrainingWarning
     from surrogate.mechanics.body.given_load import separated
 
 __all__ = [
-    "HeldOut",
     "NodalFunction",
-    "OutsideTrainingWarning",
     "Surrogate",
     "balance",
     "drawn_loads",
     "farthest",
     "fit_balance",
     "fit_fast_certificate",
-    "fit_on_samples",
     "fixed_directions",
-    "load",
     "separated",
 ]
 __getattr__, __dir__ = lazy_names(__name__)

@@ -15,25 +15,13 @@ from typing import TYPE_CHECKING
 from shared_schema.common.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from surrogate.learning.models.kinds import KINDS, RunConfig
-    from surrogate.learning.models.linear_model import LinearModel
-    from surrogate.learning.models.model import Gaussian, Model, TrainedModel
-    from surrogate.learning.models.network_model import NetworkModel
-    from surrogate.learning.models.pod_model import PODModel
+    from surrogate.learning.models.model import Model, TrainedModel
     from surrogate.learning.models.reduced_model import ReducedModel
-    from surrogate.learning.models.series_model import SeriesModel
     from surrogate.learning.models.unet_model import UNetModel
 
 __all__ = [
-    "KINDS",
-    "Gaussian",
-    "LinearModel",
     "Model",
-    "NetworkModel",
-    "PODModel",
     "ReducedModel",
-    "RunConfig",
-    "SeriesModel",
     "TrainedModel",
     "UNetModel",
 ]

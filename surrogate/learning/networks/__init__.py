@@ -11,20 +11,10 @@ from shared_schema.common.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from surrogate.learning.networks.field_network import FieldNetwork
-    from surrogate.learning.networks.nodal_network import NodalNetwork
-    from surrogate.learning.networks.reduced_network import (
-        DenseNetwork,
-        ReducedConfig,
-        ReducedNetwork,
-    )
     from surrogate.learning.networks.unet import UNet, UNetConfig, parameter_count
 
 __all__ = [
-    "DenseNetwork",
     "FieldNetwork",
-    "NodalNetwork",
-    "ReducedConfig",
-    "ReducedNetwork",
     "UNet",
     "UNetConfig",
     "parameter_count",

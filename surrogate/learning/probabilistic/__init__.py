@@ -18,11 +18,8 @@ if TYPE_CHECKING:
         rank_correlation,
     )
     from surrogate.learning.probabilistic.distribution import Distribution
-    from surrogate.learning.probabilistic.ensemble import Ensemble
-    from surrogate.learning.probabilistic.flipout import VariationalConvolutions
-    from surrogate.learning.probabilistic.likelihoods import Likelihood, Prediction
-    from surrogate.learning.probabilistic.moments import Moments
-    from surrogate.learning.probabilistic.stochastic_passes import MOST_PASSES, PASSES, Passes
+    from surrogate.learning.probabilistic.likelihoods import Likelihood
+    from surrogate.learning.probabilistic.stochastic_passes import MOST_PASSES, PASSES
 
 __all__ = [
     "INTERVALS",
@@ -30,12 +27,7 @@ __all__ = [
     "PASSES",
     "CalibrationMeasures",
     "Distribution",
-    "Ensemble",
     "Likelihood",
-    "Moments",
-    "Passes",
-    "Prediction",
-    "VariationalConvolutions",
     "half_width",
     "measure_calibration",
     "rank_correlation",

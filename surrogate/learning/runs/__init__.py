@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from shared_schema.common.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from surrogate.learning.runs.config_reader import read_config, run_config
+    from surrogate.learning.runs.config_reader import run_config
     from surrogate.learning.runs.description import DataFingerprint, RunDescription
     from surrogate.learning.runs.folder import RunFolder
     from surrogate.learning.runs.recipes import read_recipe
@@ -23,7 +23,6 @@ __all__ = [
     "RunFolder",
     "find_run",
     "load_tensors",
-    "read_config",
     "read_recipe",
     "run_config",
     "shelved",

@@ -13,13 +13,9 @@ from typing import TYPE_CHECKING
 from shared_schema.common.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from surrogate.learning.training.loop import train
-    from surrogate.learning.training.refinement import refine
     from surrogate.learning.training.trainer import Trainer
 
 __all__ = [
     "Trainer",
-    "refine",
-    "train",
 ]
 __getattr__, __dir__ = lazy_names(__name__)

@@ -29,7 +29,7 @@ from experiments.measures.predicted_samples import (
     distance_from,
     distance_groups,
 )
-from surrogate.learning.data import Dataset
+from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.probabilistic.distribution import Distribution
 from surrogate.mechanics.body.geometry import Geometry
 

@@ -15,7 +15,8 @@ from shared_schema.grid import Grid
 from shared_schema.manifest import read_manifest, write_manifest
 from shared_schema.stiffness import stiffness_problems, write_stiffness
 from surrogate.learning.baselines.linear_map import LinearMap, compliance_of
-from surrogate.learning.data import Dataset, read_dataset
+from surrogate.learning.data.dataset import Dataset
+from surrogate.learning.data.joined_dataset import read_dataset
 from surrogate.learning.evaluation.run_evaluation import evaluate
 from surrogate.learning.inference.loading import load
 from surrogate.learning.inference.surrogate import Surrogate

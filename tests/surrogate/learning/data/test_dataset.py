@@ -10,7 +10,8 @@ import torch
 from shared_schema.checker import check_dataset
 from shared_schema.common.errors import InputError
 from shared_schema.shard import read_shard
-from surrogate.learning.data import Dataset, read_dataset
+from surrogate.learning.data.dataset import Dataset
+from surrogate.learning.data.joined_dataset import read_dataset
 
 # 60 samples, 12 of them for testing; they go to two shards alternately (see conftest.py).
 

@@ -13,8 +13,8 @@ from shared_schema.checker import check_dataset
 from shared_schema.grid import Grid, grid_arrays
 from shared_schema.manifest import EmbeddingInfo, read_manifest, write_manifest
 from shared_schema.shard import read_shard, write_shard
-from surrogate.learning.data import read_dataset
 from surrogate.learning.data.body_check import differing_array
+from surrogate.learning.data.joined_dataset import read_dataset
 from surrogate.learning.evaluation.run_evaluation import evaluate
 from surrogate.learning.evaluation.run_report import write_report
 from surrogate.learning.inference.loading import load

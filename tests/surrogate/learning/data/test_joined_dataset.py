@@ -12,8 +12,8 @@ import torch
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import ComponentStatistics
 from surrogate.command_line import main
-from surrogate.learning.data import Dataset, read_dataset
-from surrogate.learning.data.joined_dataset import pooled
+from surrogate.learning.data.dataset import Dataset
+from surrogate.learning.data.joined_dataset import pooled, read_dataset
 from surrogate.learning.inference.loading import load
 
 

@@ -14,7 +14,9 @@ import torch
 import yaml
 
 from shared_schema.common.errors import InputError
-from surrogate.learning.data import Dataset, read_dataset, samples_on_disk
+from surrogate.learning.data import samples_on_disk
+from surrogate.learning.data.dataset import Dataset
+from surrogate.learning.data.joined_dataset import read_dataset
 from surrogate.learning.data.samples_on_disk import SamplesOnDisk
 from surrogate.learning.evaluation.run_evaluation import evaluate
 from surrogate.learning.models.unet_model import UNetModel

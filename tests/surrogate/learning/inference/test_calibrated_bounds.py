@@ -13,7 +13,8 @@ import torch
 
 from shared_schema.common.errors import InputError
 from surrogate.command_line import main
-from surrogate.learning.data import Dataset, read_dataset
+from surrogate.learning.data.dataset import Dataset
+from surrogate.learning.data.joined_dataset import read_dataset
 from surrogate.learning.evaluation.run_evaluation import evaluate
 from surrogate.learning.inference.calibrated_bounds import HeldOut, fit_intervals, fit_on_samples
 from surrogate.learning.inference.loading import load

@@ -25,7 +25,8 @@ import torch
 from numpy.typing import NDArray
 from torch.utils.data import DataLoader
 
-from surrogate.learning.data import Dataset, read_dataset
+from surrogate.learning.data.dataset import Dataset
+from surrogate.learning.data.joined_dataset import read_dataset
 from surrogate.learning.evaluation.run_evaluation import evaluate
 from surrogate.learning.inference import export
 from surrogate.learning.inference.loading import load

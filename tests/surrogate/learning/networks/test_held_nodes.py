@@ -12,7 +12,8 @@ import pytest
 import torch
 from scipy.sparse import csc_array
 
-from surrogate.learning.data import Dataset, read_dataset
+from surrogate.learning.data.dataset import Dataset
+from surrogate.learning.data.joined_dataset import read_dataset
 from surrogate.learning.inference.export import export
 from surrogate.learning.inference.loading import load
 from surrogate.learning.inference.surrogate import Surrogate

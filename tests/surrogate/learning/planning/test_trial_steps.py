@@ -11,7 +11,8 @@ import yaml
 
 from shared_schema.common.errors import InputError
 from surrogate.command_line import main
-from surrogate.learning.data import Dataset, read_dataset
+from surrogate.learning.data.dataset import Dataset
+from surrogate.learning.data.joined_dataset import read_dataset
 from surrogate.learning.models.unet_model import UNetModel
 from surrogate.learning.networks.unet import parameter_count
 from surrogate.learning.planning.trial_steps import dry_run

@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from shared_schema.common.keys.units import Units
-from surrogate.learning.data import read_dataset
+from surrogate.learning.data.joined_dataset import read_dataset
 from surrogate.learning.inference.loading import load
 from surrogate.learning.measures.error_metrics import measure, sample_errors
 from surrogate.learning.models.unet_model import UNetModel

@@ -20,7 +20,8 @@ from shared_schema.common.command_line import logged
 from shared_schema.common.errors import InputError, WorkError
 from shared_schema.common.progress import shown_progress
 from shared_schema.grid import Grid
-from surrogate.learning.data import Dataset, read_dataset
+from surrogate.learning.data.dataset import Dataset
+from surrogate.learning.data.joined_dataset import read_dataset
 from surrogate.learning.inference.loading import load
 from surrogate.learning.measures.error_metrics import measure
 from surrogate.learning.models.model import TrainedModel

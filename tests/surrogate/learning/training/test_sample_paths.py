@@ -10,7 +10,8 @@ import pytest
 import torch
 
 from shared_schema.common.errors import InputError
-from surrogate.learning.data import Dataset, read_dataset
+from surrogate.learning.data.dataset import Dataset
+from surrogate.learning.data.joined_dataset import read_dataset
 from surrogate.learning.data.mirror import with_mirror_images
 from surrogate.learning.data.samples import Samples
 from surrogate.learning.models.unet_model import UNetModel

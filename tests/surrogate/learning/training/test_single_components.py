@@ -15,7 +15,8 @@ import torch
 
 from shared_schema.grid import Grid, grid_arrays
 from surrogate.learning.baselines.linear_map import compliance_of
-from surrogate.learning.data import Dataset, read_dataset
+from surrogate.learning.data.dataset import Dataset
+from surrogate.learning.data.joined_dataset import read_dataset
 from surrogate.learning.data.load_families import RandomLoads
 from surrogate.learning.evaluation.run_evaluation import evaluate
 from surrogate.learning.inference.export import NodalFunction

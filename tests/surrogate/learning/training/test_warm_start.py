@@ -12,7 +12,8 @@ import surrogate
 from shared_schema.common.command_line import logged
 from shared_schema.common.errors import InputError
 from surrogate.command_line import main
-from surrogate.learning.data import Dataset, read_dataset
+from surrogate.learning.data.dataset import Dataset
+from surrogate.learning.data.joined_dataset import read_dataset
 from surrogate.learning.models.unet_model import UNetModel
 from surrogate.learning.runs.config_reader import run_config
 from surrogate.learning.runs.folder import RunFolder

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from shared_schema.common.errors import InputError
-from surrogate.learning.data import read_dataset
+from surrogate.learning.data.joined_dataset import read_dataset
 from surrogate.learning.evaluation.run_evaluation import evaluate
 from surrogate.learning.inference.loading import load
 from surrogate.learning.runs.folder import RunFolder
