@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from experiments.benchmarks.benchmark import Benchmark
 
 PROGRAMS = {  # in whose environment a benchmark is measured
-    "alarms": "surrogate",
     "bounded-loads": "surrogate",
     "certificates": "surrogate",
     "claims": "surrogate",
@@ -28,7 +27,6 @@ PROGRAMS = {  # in whose environment a benchmark is measured
     "error-over-time": "surrogate",
     "further-training": "surrogate",
     "grips": "surrogate",
-    "hdf5": "datagen",
     "identification": "surrogate",
     "large-bodies": "datagen",
     "load-series": "surrogate",

@@ -19,10 +19,9 @@ from __future__ import annotations
 
 import argparse
 import json
-import logging
 import sys
 import time
-import warnings
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -32,10 +31,9 @@ import surrogate
 from experiments.benchmarks.benchmark import Benchmark, Results
 from experiments.benchmarks.directions import rounded
 from experiments.benchmarks.suspect_loads import KINDS, SuspectLoads
-from experiments.framework.counted_networks import add_counted_networks, counted_networks
+from experiments.framework.counted_networks import add_counted_networks, over_networks
 from experiments.framework.kept_rows import Row, add_rows_option, kept_rows
-from experiments.framework.quiet import quiet
-from experiments.framework.report import markdown_table
+from experiments.framework.report import table_of
 from shared_schema.common import Parser, WorkError
 from surrogate.mechanics.certify import iterated
 from surrogate.mechanics.descent import Aim
@@ -143,29 +141,19 @@ def description(model: surrogate.Surrogate) -> dict[str, str]:
 
 def page(results: Results) -> str:
     """Make the page."""
-    rows = markdown_table(
-        (
-            "body",
-            "elements",
-            "material",
-            "loads",
-            "claims",
-            "not stable",
-            "undecided",
-            "worst error of a claim",
-            "mean [ms]",
-        ),
-        (
-            (
-                f"`{of['name']}`",
-                of["elements"],
-                of["material"].replace("_", " "),
-                *(str(of[key]) for key in ("loads", "claims", "unstable", "undecided")),
-                f"{of['worst']:.2%}",
-                f"{of['mean_ms']:.3g}",
-            )
-            for of in results["networks"]
-        ),
+    rows = table_of(
+        results["networks"],
+        {
+            "body": "`{name}`",
+            "elements": "{elements}",
+            "material": lambda of: of["material"].replace("_", " "),
+            "loads": "{loads}",
+            "claims": "{claims}",
+            "not stable": "{unstable}",
+            "undecided": "{undecided}",
+            "worst error of a claim": "{worst:.2%}",
+            "mean [ms]": "{mean_ms:.3g}",
+        },
     )
     kinds = ", ".join(f"{kind} {kinds_claims(results, kind)}" for kind in KINDS)
     return (
@@ -188,14 +176,12 @@ def kinds_claims(results: Results, kind: str) -> str:
     return f"{claims} of {loads}"
 
 
-@quiet(logging.WARNING)
 def measure(options: argparse.Namespace) -> Results:
     """Results for some networks."""
-    warnings.simplefilter("ignore")
-    pairs = counted_networks(options.networks)
-    found = [of_network(*pair, options.seed, options.rows) for pair in pairs]
-    total = {key: sum(of[key] for of in found) for key in ("loads", "claims", "broken")}
-    return {"seed": options.seed, **total, "bodies": len(found), "networks": found}
+    found = over_networks(options, partial(of_network, seed=options.seed, kept=options.rows))
+    networks = found["networks"]
+    total = {key: sum(of[key] for of in networks) for key in ("loads", "claims", "broken")}
+    return {**found, **total, "bodies": len(networks)}
 
 
 def arguments(parser: Parser) -> None:

@@ -137,7 +137,7 @@ def page(results: Results) -> str:
         "`datagen solve --start`, from the prediction": "start",
         "`surrogate predict --correct`": "correct",
     }
-    rows = [[what, f"{iterations[key]:.2f}", f"{times[key]:.3g}"] for what, key in ways.items()]
+    rows = [(what, f"{iterations[key]:.2f}", f"{times[key]:.3g}") for what, key in ways.items()]
     return (
         f"{results['load_cases']} loads, {results['lost']} lost. The largest error of a component "
         f"is {results['largest_error_of_a_prediction']:.2g} m before, "

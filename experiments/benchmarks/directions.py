@@ -26,23 +26,19 @@ on `beam3d_any` (μ = 178 Pa, K = 833 Pa at rest) and on `breast3d` (286, 1333) 
 from __future__ import annotations
 
 import argparse
-import logging
 import sys
 import time
-import warnings
 from functools import partial
 from pathlib import Path
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 import surrogate
 from experiments.benchmarks.benchmark import Benchmark, Results
-from experiments.framework.counted_networks import add_counted_networks, counted_networks
+from experiments.framework.counted_networks import add_counted_networks, over_networks
 from experiments.framework.kept_rows import Row, add_rows_option, kept_rows
-from experiments.framework.quiet import quiet
-from experiments.framework.report import markdown_table
+from experiments.framework.report import table_of
 from experiments.framework.timing import timed
 from shared_schema.common import Parser, WorkError
 from surrogate.learning.inference import drawn_loads, separated
@@ -157,46 +153,29 @@ def certificates_against(error: Array, estimate: Array, tolerance: float) -> Res
 
 def page(results: Results) -> str:
     """Make the page."""
-    rows = markdown_table(
-        (
-            "network",
-            "loads",
-            "tolerance",
-            f"within {TOLERANCES[0]:.1%}",
-            "worst",
-            "directions",
-            "time",
-            "wrong claims",
-            "effectivity",
-            "certified wrongly",
-        ),
-        (
-            (
-                f"`{of['name']}`",
-                str(of["loads"]),
-                "none" if way["tolerance"] is None else f"{way['tolerance']:.1%}",
-                f"{way['within']:.1%}",
-                f"{way['worst']:.2%}",
-                "" if way["tolerance"] is None else f"{way['directions']:.2g}",
-                f"{way['median_time']:.2f}",
-                "" if way["tolerance"] is None else f"{way['wrong']} of {way['claims']}",
-                " to ".join(f"{value:.4g}" for value in way["effectivities"]),
-                f"{way['wrongly_certified']} of {way['certified']}",
-            )
-            for of in results["networks"]
-            for way in of["ways"]
-        ),
+    rows = table_of(
+        [of | way for of in results["networks"] for way in of["ways"]],
+        {
+            "network": "`{name}`",
+            "loads": "{loads}",
+            "tolerance": lambda way: f"{way['tolerance']:.1%}" if way["tolerance"] else "none",
+            f"within {TOLERANCES[0]:.1%}": "{within:.1%}",
+            "worst": "{worst:.2%}",
+            "directions": lambda way: f"{way['directions']:.2g}" if way["tolerance"] else "",
+            "time": "{median_time:.2f}",
+            "wrong claims": lambda way: (
+                f"{way['wrong']} of {way['claims']}" if way["tolerance"] else ""
+            ),
+            "effectivity": lambda way: " to ".join(f"{v:.4g}" for v in way["effectivities"]),
+            "certified wrongly": "{wrongly_certified} of {certified}",
+        },
     )
     return f"Seed {results['seed']}, {results['threads']} thread.\n\n{rows}"
 
 
-@quiet(logging.WARNING)
 def measure(options: argparse.Namespace) -> Results:
     """Results for some networks."""
-    warnings.simplefilter("ignore", surrogate.OutsideTrainingWarning)
-    pairs = counted_networks(options.networks)
-    found = [compare(*pair, options.seed, options.rows) for pair in pairs]
-    return {"threads": torch.get_num_threads(), "seed": options.seed, "networks": found}
+    return over_networks(options, partial(compare, seed=options.seed, kept=options.rows))
 
 
 def arguments(parser: Parser) -> None:

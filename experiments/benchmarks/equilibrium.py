@@ -27,7 +27,7 @@ from datagen.loads import LoadCase
 from datagen.solver import solve_load_case
 from experiments.benchmarks.benchmark import Benchmark, Results
 from experiments.benchmarks.tutorial import LoggedTutorialProblem, TutorialProblem, tutorial_solver
-from experiments.framework.report import markdown_table
+from experiments.framework.report import markdown_table, table_of
 from shared_schema.common import Parser
 
 STRIDE = 7919  # between sample numbers; a prime, so that the loads are all over the body
@@ -163,19 +163,16 @@ on: assembly of *tangent* and *residual* (with `datagen`'s check for inverted el
 
 def page(results: Results) -> str:
     """Make the page."""
-    comparison = markdown_table(
-        ("case", "DOFs", "load cases", "tutorial [ms]", "datagen [ms]", "ratio"),
-        (
-            (
-                f"`{r['case']}`",
-                str(r["degrees_of_freedom"]),
-                str(r["samples"]),
-                f"{r['tutorial_ms']:.3g}",
-                f"{r['datagen_ms']:.3g}",
-                f"**{r['ratio_of_medians']:.1f}**",
-            )
-            for r in results["comparison"]
-        ),
+    comparison = table_of(
+        results["comparison"],
+        {
+            "case": "`{case}`",
+            "DOFs": "{degrees_of_freedom}",
+            "load cases": "{samples}",
+            "tutorial [ms]": "{tutorial_ms:.3g}",
+            "datagen [ms]": "{datagen_ms:.3g}",
+            "ratio": "**{ratio_of_medians:.1f}**",
+        },
     )
     parts = markdown_table(
         ("case", "method", "tangent", "residual", "set-up", "solves", "rest"),

@@ -13,21 +13,18 @@ writes its record and its page.
 from __future__ import annotations
 
 import argparse
-import logging
 import sys
 import time
-import warnings
+from functools import partial
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 import surrogate
 from experiments.benchmarks.benchmark import Benchmark, Results
 from experiments.benchmarks.directions import rounded
-from experiments.framework.counted_networks import add_counted_networks, counted_networks
-from experiments.framework.quiet import quiet
-from experiments.framework.report import markdown_table
+from experiments.framework.counted_networks import add_counted_networks, over_networks
+from experiments.framework.report import table_of
 from shared_schema.common import Parser, WorkError
 
 Array = NDArray[np.float64]
@@ -98,44 +95,27 @@ def compare(name: str, count: int, seed: int) -> Results:
     }
 
 
-@quiet(logging.WARNING)
 def measure(options: argparse.Namespace) -> Results:
     """Results for some networks."""
-    warnings.simplefilter("ignore", surrogate.OutsideTrainingWarning)
-    found = [compare(*pair, options.seed) for pair in counted_networks(options.networks)]
-    return {"threads": torch.get_num_threads(), "seed": options.seed, "networks": found}
+    return over_networks(options, partial(compare, seed=options.seed))
 
 
 def page(results: Results) -> str:
     """Make the page."""
-    rows = markdown_table(
-        (
-            "network",
-            "grips",
-            "no forces found",
-            "held within",
-            "reaction, median",
-            "95 %",
-            "within 1 %",
-            "field, median",
-            "from rest [ms]",
-            "frame [ms] (90 %)",
-        ),
-        (
-            (
-                f"`{of['name']}`",
-                str(of["grips"]),
-                str(of["failed"]),
-                f"{of['held_off']:.1e}",
-                f"{of['reaction_median']:.2g}",
-                f"{of['reaction_95']:.2g}",
-                f"{of['reaction_within_1_percent']:.1%}",
-                f"{of['field_median']:.2g}",
-                f"{of['first_ms']:.3g}",
-                f"{of['frame_ms']:.3g} ({of['frame_90_ms']:.3g})",
-            )
-            for of in results["networks"]
-        ),
+    rows = table_of(
+        results["networks"],
+        {
+            "network": "`{name}`",
+            "grips": "{grips}",
+            "no forces found": "{failed}",
+            "held within": "{held_off:.1e}",
+            "reaction, median": "{reaction_median:.2g}",
+            "95 %": "{reaction_95:.2g}",
+            "within 1 %": "{reaction_within_1_percent:.1%}",
+            "field, median": "{field_median:.2g}",
+            "from rest [ms]": "{first_ms:.3g}",
+            "frame [ms] (90 %)": "{frame_ms:.3g} ({frame_90_ms:.3g})",
+        },
     )
     return (
         "Random forces act on one or two nodes; the displacements of these nodes in the finite "

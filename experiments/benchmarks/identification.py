@@ -15,22 +15,19 @@ writes its record and its page.
 from __future__ import annotations
 
 import argparse
-import logging
 import sys
-import warnings
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 import surrogate
 from experiments.benchmarks.benchmark import Benchmark, Results
 from experiments.benchmarks.directions import rounded
-from experiments.framework.counted_networks import add_counted_networks, counted_networks
-from experiments.framework.quiet import quiet
-from experiments.framework.report import markdown_table
+from experiments.framework.counted_networks import add_counted_networks, over_networks
+from experiments.framework.report import table_of
 from experiments.framework.timing import timed
 from shared_schema.common import Parser, WorkError
 
@@ -153,55 +150,38 @@ def modulus(model: surrogate.Surrogate) -> float:
     return float(model.description.data.case["material"]["young_modulus"])
 
 
-@quiet(logging.WARNING)
 def measure(options: argparse.Namespace) -> Results:
     """Results for some networks."""
-    warnings.simplefilter("ignore", surrogate.OutsideTrainingWarning)
     found = [
-        compare(*pair, options.seed, task, options.truth)
-        for pair in counted_networks(options.networks)
+        over_networks(
+            options, partial(compare, seed=options.seed, task=task, truth_run=options.truth)
+        )
         for task in TASKS
     ]
-    return {"threads": torch.get_num_threads(), "seed": options.seed, "networks": found}
+    return {**found[0], "networks": [of for each in found for of in each["networks"]]}
 
 
 def page(results: Results) -> str:
     """Make the page."""
 
-    def cell(value: float | None, form: str) -> str:
-        return "" if value is None else format(value, form)
+    def cell(form: str, name: str) -> Callable[[Results], str]:
+        return lambda of: "" if of[name] is None else form.format_map(of)
 
-    rows = markdown_table(
-        (
-            "network",
-            "sought",
-            "trials",
-            "failed",
-            "field, median (95 %)",
-            "force, median",
-            "E, median (95 %)",
-            "place, median",
-            "parameters inside",
-            "field inside",
-            "ms",
-        ),
-        (
-            (
-                f"`{of['name']}`",
-                TASKS[of["task"]],
-                str(of["trials"]),
-                str(of["failed"]),
-                f"{of['field_median']:.2%} ({of['field_95']:.2%})",
-                cell(of["force_median"], ".1%"),
-                cell(of["modulus_median"], ".1%")
-                + (f" ({of['modulus_95']:.1%})" if of["modulus_95"] is not None else ""),
-                cell(of["place_median"], ".1%"),
-                f"{of['inside']:.1%}",
-                cell(of["field_inside"], ".1%"),
-                f"{of['ms']:.3g}",
-            )
-            for of in results["networks"]
-        ),
+    rows = table_of(
+        results["networks"],
+        {
+            "network": "`{name}`",
+            "sought": lambda of: TASKS[of["task"]],
+            "trials": "{trials}",
+            "failed": "{failed}",
+            "field, median (95 %)": "{field_median:.2%} ({field_95:.2%})",
+            "force, median": cell("{force_median:.1%}", "force_median"),
+            "E, median (95 %)": cell("{modulus_median:.1%} ({modulus_95:.1%})", "modulus_95"),
+            "place, median": cell("{place_median:.1%}", "place_median"),
+            "parameters inside": "{inside:.1%}",
+            "field inside": cell("{field_inside:.1%}", "field_inside"),
+            "ms": "{ms:.3g}",
+        },
     )
     return (
         f"{MARKERS} markers on the surface, with noise of {NOISE:.1%} of the body's length; two "

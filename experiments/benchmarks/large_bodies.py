@@ -22,7 +22,7 @@ from datagen.mesh import distributed
 from datagen.solver import EquilibriumProblem, SolverSettings, solve_load_case
 from experiments.benchmarks.benchmark import Benchmark, Results
 from experiments.benchmarks.scaling import run_program
-from experiments.framework.report import markdown_table
+from experiments.framework.report import table_of
 from shared_schema import NeoHookean
 from shared_schema.common import Parser, largest_resident
 from tests.datagen.solver.cantilever import box
@@ -91,25 +91,21 @@ def in_own_process(way: Results) -> Results:
 
 def page(results: Results) -> str:
     """Make the page."""
-    rows = markdown_table(
-        (
-            *("nodes", "cells", "`element`", "linear solver", "ranks"),
-            *("set-up", "solve", "processor", "memory"),
-        ),
-        (
-            (
-                str(r["nodes"]),
-                "tetrahedra" if r["simplices"] else "hexahedra",
-                r["element"],
-                r["linear_solver"] if r["linear_solver"] == r["solver"] else f"auto: {r['solver']}",
-                str(r["ranks"]),
-                f"{r['set_up_s']:.1f} s",
-                f"**{r['solve_s']:.1f} s**",
-                f"{r['processor_s']:.1f} s",
-                f"{r['memory_mb']} MB",
-            )
-            for r in results["ways"]
-        ),
+    rows = table_of(
+        results["ways"],
+        {
+            "nodes": "{nodes}",
+            "cells": lambda r: "tetrahedra" if r["simplices"] else "hexahedra",
+            "`element`": "{element}",
+            "linear solver": lambda r: (
+                r["solver"] if r["linear_solver"] == r["solver"] else f"auto: {r['solver']}"
+            ),
+            "ranks": "{ranks}",
+            "set-up": "{set_up_s:.1f} s",
+            "solve": "**{solve_s:.1f} s**",
+            "processor": "{processor_s:.1f} s",
+            "memory": "{memory_mb} MB",
+        },
     )
     return (
         "A beam of 4 x 1 x 1 m, bent until its end has moved by 0.75 m, to a residual of 1e-9 of "

@@ -18,7 +18,7 @@ import numpy as np
 from playwright.sync_api import Browser
 
 from experiments.benchmarks.benchmark import Benchmark, Results
-from experiments.framework.report import markdown_table
+from experiments.framework.report import table_of
 from experiments.framework.timing import timed
 from shared_schema.common import Parser
 from surrogate import load, shelved, write_page
@@ -135,38 +135,21 @@ def measure(options: argparse.Namespace) -> Results:
 
 def page(results: Results) -> str:
     """Make the page."""
-
-    def milliseconds(quantiles: list[float]) -> str:
-        low, middle, high = quantiles
-        return f"{middle:.3g} ({low:.3g} to {high:.3g})"
-
-    rows = markdown_table(
-        (
-            "page",
-            "nodes",
-            "MB",
-            "first frame",
-            "ready",
-            "press",
-            "frame",
-            "drawing",
-            "estimate",
-        ),
-        (
-            (
-                f"`{r['run']}`: {r['network']}"
-                + (f", {r['passes']} passes" if r["passes"] else ""),
-                str(r["nodes"]),
-                f"{r['megabytes']:.1f}",
-                f"{r['first_frame_ms']:.0f}",
-                f"{r['ready_ms']:.0f}",
-                f"{r['press_ms']:.0f}",
-                milliseconds(r["frame_ms"]),
-                milliseconds(r["drawing_ms"]),
-                f"{r['estimate_ms']:.0f}" if "estimate_ms" in r else "–",
-            )
-            for r in results["pages"]
-        ),
+    rows = table_of(
+        results["pages"],
+        {
+            "page": lambda r: (
+                f"`{r['run']}`: {r['network']}" + (f", {r['passes']} passes" if r["passes"] else "")
+            ),
+            "nodes": "{nodes}",
+            "MB": "{megabytes:.1f}",
+            "first frame": "{first_frame_ms:.0f}",
+            "ready": "{ready_ms:.0f}",
+            "press": "{press_ms:.0f}",
+            "frame": "{frame_ms[1]:.3g} ({frame_ms[0]:.3g} to {frame_ms[2]:.3g})",
+            "drawing": "{drawing_ms[1]:.3g} ({drawing_ms[0]:.3g} to {drawing_ms[2]:.3g})",
+            "estimate": lambda r: f"{r['estimate_ms']:.0f}" if "estimate_ms" in r else "–",
+        },
     )
     description = DESCRIPTION.format(
         chromium=results["chromium"],

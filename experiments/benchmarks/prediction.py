@@ -23,7 +23,7 @@ import torch
 
 from experiments.benchmarks.benchmark import Benchmark, Results
 from experiments.framework.quiet import quiet
-from experiments.framework.report import markdown_table
+from experiments.framework.report import markdown_table, table_of
 from experiments.framework.timing import Timing, median_seconds
 from experiments.measures.latency import Work, by_compiling, by_onnx, by_pytorch
 from experiments.measures.untrained import LIKELIHOODS, RECIPES, Body, read_body, untrained
@@ -102,19 +102,17 @@ def page(results: Results) -> str:
             return ""
         return f"{value:.3g}" if value < 1000 else f"{value:.0f}"
 
-    rows = markdown_table(
-        ("case", "network", "passes", "parameters", "device", *WAYS, "PyTorch, drawing"),
-        (
-            (
-                f"`{r['case']}`",
-                r["recipe"],
-                str(r["passes"]),
-                f"{r['parameters'] / 1e6:.3g} M",
-                r["device"],
-                *(cell(r, way) for way in (*WAYS, "drawing")),
-            )
-            for r in results["latencies"]
-        ),
+    rows = table_of(
+        results["latencies"],
+        {
+            "case": "`{case}`",
+            "network": "{recipe}",
+            "passes": "{passes}",
+            "parameters": lambda r: f"{r['parameters'] / 1e6:.3g} M",
+            "device": "{device}",
+            **{way: partial(cell, name=way) for way in WAYS},
+            "PyTorch, drawing": partial(cell, name="drawing"),
+        },
     )
     solving = markdown_table(
         ("case", "finite elements", "paper: finite elements", "U-Net, CPU", "U-Net, GPU"),

@@ -26,7 +26,7 @@ import yaml
 
 from datagen.cases import SHIPPED
 from experiments.benchmarks.benchmark import Benchmark, Results, stored_record
-from experiments.framework.report import markdown_table
+from experiments.framework.report import table_of
 from experiments.framework.timing import timed
 from shared_schema.common import Parser, WorkError
 from tools.open_mpi import SETTINGS
@@ -111,20 +111,17 @@ def scale(name: str, counts: tuple[int, int], ways: list[Way], rounds: int) -> l
 
 def page(results: Results) -> str:
     """Make the page."""
-    rows = markdown_table(
-        ("case", "ranks", "ranks per solve", "samples / s", "start-up", "speed-up", "efficiency"),
-        (
-            (
-                f"`{r['case']}`",
-                str(r["ranks"]),
-                str(r["ranks_per_solve"]),
-                f"{r['samples_per_second']:.3g}",
-                f"{r['start_up_s']:.1f} s",
-                f"**{r['ratio_to_one_rank']:.2f}**",
-                f"{r['ratio_to_one_rank'] / r['ranks']:.0%}",
-            )
-            for r in results["scaling"]
-        ),
+    rows = table_of(
+        results["scaling"],
+        {
+            "case": "`{case}`",
+            "ranks": "{ranks}",
+            "ranks per solve": "{ranks_per_solve}",
+            "samples / s": "{samples_per_second:.3g}",
+            "start-up": "{start_up_s:.1f} s",
+            "speed-up": "**{ratio_to_one_rank:.2f}**",
+            "efficiency": lambda r: f"{r['ratio_to_one_rank'] / r['ranks']:.0%}",
+        },
     )
     counts = {r["case"]: (*r["samples"], r["shard_size"]) for r in results["scaling"]}
     sizes = "; ".join(

@@ -12,22 +12,18 @@ writes its record and its page.
 from __future__ import annotations
 
 import argparse
-import logging
 import sys
-import warnings
 from functools import partial
 from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 import surrogate
 from experiments.benchmarks.benchmark import Benchmark, Results
 from experiments.benchmarks.directions import rounded
-from experiments.framework.counted_networks import add_counted_networks, counted_networks
-from experiments.framework.quiet import quiet
-from experiments.framework.report import markdown_table
+from experiments.framework.counted_networks import add_counted_networks, over_networks
+from experiments.framework.report import table_of
 from experiments.framework.timing import timed
 from shared_schema.common import Parser, WorkError
 from shared_schema.tools import Sphere
@@ -147,46 +143,28 @@ def compare(name: str, count: int, seed: int) -> Results:
     }
 
 
-@quiet(logging.WARNING)
 def measure(options: argparse.Namespace) -> Results:
     """Results for some networks."""
-    warnings.simplefilter("ignore", surrogate.OutsideTrainingWarning)
-    found = [compare(*pair, options.seed) for pair in counted_networks(options.networks)]
-    return {"threads": torch.get_num_threads(), "seed": options.seed, "networks": found}
+    return over_networks(options, partial(compare, seed=options.seed))
 
 
 def page(results: Results) -> str:
     """Make the page."""
-    rows = markdown_table(
-        (
-            "network",
-            "poses",
-            "no forces found",
-            "no prediction",
-            "force, median",
-            "within 5 %",
-            "field, median",
-            "within 2 % of the depth",
-            "penetration",
-            "frame [ms] (90 %)",
-            "reaction [ms]",
-        ),
-        (
-            (
-                f"`{of['name']}`",
-                str(of["poses"]),
-                str(of["failed"]),
-                str(of["solved"]),
-                f"{of['force_median']:.2g}",
-                f"{of['force_within']['0.05']:.1%}",
-                f"{of['field_median']:.2g}",
-                f"{of['field_within']['0.02']:.1%}",
-                f"{of['penetration']:.1e}",
-                f"{of['frame_ms']:.3g} ({of['frame_90_ms']:.3g})",
-                f"{of['reaction_ms']:.3g}",
-            )
-            for of in results["networks"]
-        ),
+    rows = table_of(
+        results["networks"],
+        {
+            "network": "`{name}`",
+            "poses": "{poses}",
+            "no forces found": "{failed}",
+            "no prediction": "{solved}",
+            "force, median": "{force_median:.2g}",
+            "within 5 %": "{force_within[0.05]:.1%}",
+            "field, median": "{field_median:.2g}",
+            "within 2 % of the depth": "{field_within[0.02]:.1%}",
+            "penetration": "{penetration:.1e}",
+            "frame [ms] (90 %)": "{frame_ms:.3g} ({frame_90_ms:.3g})",
+            "reaction [ms]": "{reaction_ms:.3g}",
+        },
     )
     return (
         f"A sphere, whose radius is {RADIUS:g} of the smallest side of the body, goes into a "

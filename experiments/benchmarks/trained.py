@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from experiments.benchmarks.benchmark import Benchmark, Results
 from experiments.framework.quiet import quiet
-from experiments.framework.report import markdown_table
+from experiments.framework.report import table_of
 from experiments.measures.latency import Predict, by_onnx, by_pytorch
 from shared_schema import DatasetReader
 from shared_schema.common import Parser, scatter_forces
@@ -111,17 +111,14 @@ def compare(name: str, samples: int, repeats: int) -> Results:
 
 def page(results: Results) -> str:
     """Make the page."""
-    rows = markdown_table(
-        ("network", "nodes", *(f"`{way}`" for way in WAYS), "ratio"),
-        (
-            (
-                f"`{r['name']}`: {r['network']}",
-                str(r["nodes"]),
-                *(f"{r['median_ms'][way]:.3g}" for way in WAYS),
-                f"{r['median_ms']['datagen'] / r['median_ms']['predict']:.3g}",
-            )
-            for r in results["networks"]
-        ),
+    rows = table_of(
+        results["networks"],
+        {
+            "network": "`{name}`: {network}",
+            "nodes": "{nodes}",
+            **{f"`{way}`": f"{{median_ms[{way}]:.3g}}" for way in WAYS},
+            "ratio": lambda r: f"{r['median_ms']['datagen'] / r['median_ms']['predict']:.3g}",
+        },
     )
     return (
         "One load in, one displacement field out, NumPy arrays both: medians in ms over "

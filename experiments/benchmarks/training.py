@@ -25,7 +25,7 @@ from torch.nn import functional
 from torch.utils.data import DataLoader, TensorDataset
 
 from experiments.benchmarks.benchmark import Benchmark, Results
-from experiments.framework.report import markdown_table
+from experiments.framework.report import table_of
 from experiments.framework.timing import timed
 from experiments.measures.untrained import shipped_unet
 from shared_schema.common import Parser, Progress
@@ -155,20 +155,17 @@ def device_name(device: torch.device) -> str:
 
 def page(results: Results) -> str:
     """Make the page."""
-    rows = markdown_table(
-        ("device", "network", "parameters", "our loop", "samples / s", "plain loop", "ratio"),
-        (
-            (
-                r["device"],
-                f"{r['network']}, c = {r['channels']}",
-                f"{r['parameters'] / 1e6:.2f} M",
-                r["way"],
-                f"{r['samples_per_second']:.4g}",
-                f"{r['plain_samples_per_second']:.4g}",
-                f"**{r['ratio']:.2f}**",
-            )
-            for r in results["training"]
-        ),
+    rows = table_of(
+        results["training"],
+        {
+            "device": "{device}",
+            "network": "{network}, c = {channels}",
+            "parameters": lambda r: f"{r['parameters'] / 1e6:.2f} M",
+            "our loop": "{way}",
+            "samples / s": "{samples_per_second:.4g}",
+            "plain loop": "{plain_samples_per_second:.4g}",
+            "ratio": "**{ratio:.2f}**",
+        },
     )
     return (
         "Our training loop compared with a plain PyTorch loop (DataLoader, eager, Adam, float32) "

@@ -23,7 +23,7 @@ import yaml
 from datagen.cases import SHIPPED
 from experiments.benchmarks.benchmark import Benchmark, Results
 from experiments.benchmarks.scaling import run_seconds
-from experiments.framework.report import markdown_table
+from experiments.framework.report import table_of
 from shared_schema.common import Parser
 from tools.two_nodes import TwoNodes, two_nodes
 
@@ -59,19 +59,16 @@ def compare(name: str, counts: tuple[int, int], rounds: int, nodes: TwoNodes) ->
 
 def page(results: Results) -> str:
     """Make the page."""
-    rows = markdown_table(
-        ("case", "samples", "2 ranks on one node", "2 nodes × 1 rank", "ratio", "of the rounds"),
-        (
-            (
-                f"`{r['case']}`",
-                f"{r['samples'][0]} and {r['samples'][1]}",
-                f"{r['one_node_per_second']:.3g} / s",
-                f"{r['two_nodes_per_second']:.3g} / s",
-                f"**{r['ratio']:.2f}**",
-                ", ".join(f"{ratio:.2f}" for ratio in r["ratios"]),
-            )
-            for r in results["comparison"]
-        ),
+    rows = table_of(
+        results["comparison"],
+        {
+            "case": "`{case}`",
+            "samples": "{samples[0]} and {samples[1]}",
+            "2 ranks on one node": "{one_node_per_second:.3g} / s",
+            "2 nodes × 1 rank": "{two_nodes_per_second:.3g} / s",
+            "ratio": "**{ratio:.2f}**",
+            "of the rounds": lambda r: ", ".join(f"{ratio:.2f}" for ratio in r["ratios"]),
+        },
     )
     return (
         "`mpirun --hostfile` over two nodes, which are network namespaces of one machine joined by "

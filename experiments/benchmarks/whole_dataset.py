@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 import surrogate
 from experiments.benchmarks.benchmark import Benchmark, Results
-from experiments.framework.report import markdown_table
+from experiments.framework.report import table_of
 from experiments.framework.timing import timed
 from shared_schema import read_manifest
 from shared_schema.common import Parser
@@ -107,18 +107,19 @@ def size_of(folder: Path) -> float:
 
 def page(results: Results) -> str:
     """Make the page."""
-    lines = [
-        [
-            way,
-            f"{1e3 * found['mean_error_m']:.3g} ({1e3 * found['std_error_m']:.3g})",
-            f"{1e3 * found['median_error_m']:.3g}",
-            f"{100 * found['within']:.3g}",
-            f"{100 * found['worst']:.3g}",
-            f"{found['median_ms']:.3g}",
-        ]
-        for way, found in results["ways"].items()
-    ]
-    head = ("prediction", "ē (standard deviation), mm", "median, mm", "within 0.5 %, %", "worst, %")
+    table = table_of(
+        [{"way": way, **found} for way, found in results["ways"].items()],
+        {
+            "prediction": "{way}",
+            "ē (standard deviation), mm": lambda r: (
+                f"{1e3 * r['mean_error_m']:.3g} ({1e3 * r['std_error_m']:.3g})"
+            ),
+            "median, mm": lambda r: f"{1e3 * r['median_error_m']:.3g}",
+            "within 0.5 %, %": lambda r: f"{100 * r['within']:.3g}",
+            "worst, %": lambda r: f"{100 * r['worst']:.3g}",
+            "time, ms": "{median_ms:.3g}",
+        },
+    )
     size, single = results["gigabytes"], min(TIMED, results["test_samples"])
     return (
         f"`{results['case']}`: {results['nodes']} nodes, {results['samples']} samples, "
@@ -128,7 +129,7 @@ def page(results: Results) -> str:
         f"the mean, {results['largest_m']:.2g} m at most. Errors are mean absolute ones of all "
         "components, those of a node relative to the\nlargest displacement of the sample. Times "
         f"are processor times of one thread, medians over {single} single predictions.\n\n"
-        f"{markdown_table((*head, 'time, ms'), lines)}"
+        f"{table}"
     )
 
 

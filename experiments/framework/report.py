@@ -228,6 +228,17 @@ def code(names: Iterable[str]) -> str:
     return ", ".join(f"`{name}`" for name in names)
 
 
+def table_of(
+    rows: Iterable[Mapping[str, Any]], columns: Mapping[str, str | Callable[[Any], str]]
+) -> str:
+    """Markdown of a table: a line for each mapping, a cell by its format or by a function."""
+    cells = (
+        [cell.format_map(row) if isinstance(cell, str) else cell(row) for cell in columns.values()]
+        for row in rows
+    )
+    return markdown_table(list(columns), cells)
+
+
 def markdown_table(head: Sequence[str], rows: Iterable[Iterable[str]]) -> str:
     """Markdown of a table."""
     lines = [head, ["---"] * len(head), *rows]

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from experiments.framework.record import Record, read_record
-from experiments.framework.report import markdown_table
+from experiments.framework.report import markdown_table, table_of
 from experiments.gpu.setting import Results
 from experiments.paper.published_numbers import PAPER
 from shared_schema.common import InputError, write_text
@@ -123,76 +123,68 @@ def _loss_after(numbers: Results, share: float) -> float:
 
 def predictions(numbers: Results) -> str:
     """Times of U-Nets, of one load and of the largest batch."""
-    rows = []
-    for r in numbers["latencies"]:
-        if "float32_ms" in r and r["batch"] in (1, 4096):
-            rows.append(
-                (
-                    f"{r['case']}, {r['recipe']}",
-                    f"{r['passes']}",
-                    f"{r['batch']}",
-                    f"{r['float32_ms']:.3g} ms",
-                    f"{r['tensorfloat32_ms']:.3g} ms",
-                    f"{r['relative_difference']:.0e}",
-                )
-            )
-    head = ("network", "passes", "loads", "float32", "TF32", "difference")
+    table = table_of(
+        [r for r in numbers["latencies"] if "float32_ms" in r and r["batch"] in (1, 4096)],
+        {
+            "network": "{case}, {recipe}",
+            "passes": "{passes}",
+            "loads": "{batch}",
+            "float32": "{float32_ms:.3g} ms",
+            "TF32": "{tensorfloat32_ms:.3g} ms",
+            "difference": "{relative_difference:.0e}",
+        },
+    )
     return (
         "Networks of random weights, arrays in and out. 300 passes are those of variational Bayes, "
         'each with its own\nweights, which stay on the card. TF32 is `load(RUN, "cuda", '
         'precision="tensorfloat32")`; its difference\nfrom float32 is relative to the largest '
-        "displacement.\n\n" + markdown_table(head, rows)
+        "displacement.\n\n" + table
     )
 
 
 def package(numbers: Results) -> str:
     """Times of the package's networks, of one load and of the largest batch."""
     largest = {r["name"]: r["batch"] for r in numbers["responses"]}  # batches grow
-    rows = [
-        (
-            f"`{r['name']}`",
-            f"{r['batch']}",
-            f"{r['predict_ms']:.3g} ms",
-            f"{r['bounds_ms']:.3g} ms",
-            f"{r['directions_ms']:.3g} ms",
-            f"{r['relative_difference']:.0e}",
-        )
-        for r in numbers["responses"]
-        if r["batch"] in (1, largest[r["name"]])
-    ]
-    head = ("network", "loads", "prediction", "fast bounds", "directions", "difference")
+    table = table_of(
+        [r for r in numbers["responses"] if r["batch"] in (1, largest[r["name"]])],
+        {
+            "network": "`{name}`",
+            "loads": "{batch}",
+            "prediction": "{predict_ms:.3g} ms",
+            "fast bounds": "{bounds_ms:.3g} ms",
+            "directions": "{directions_ms:.3g} ms",
+            "difference": "{relative_difference:.0e}",
+        },
+    )
     return (
         f"Loads on 1 to 4 nodes, arrays in and out; {numbers['responses'][0]['directions']} "
         "directions, as an exported file has them. The difference\nfrom the CPU's predictions is "
-        "relative to the largest displacement.\n\n" + markdown_table(head, rows)
+        "relative to the largest displacement.\n\n" + table
     )
 
 
 def organs(*found: Results) -> str:
     """Frames a second."""
-    rows = [
-        (
-            f"`{r['run']}`",
-            f"{r['nodes']}",
-            f"{r['solve_ms']:.3g} ms",
-            f"{r['predict_ms']:.3g} ms",
-            f"{r['with_bound_ms']:.3g} ms",
-            f"**{r['frames_per_second']:.0f}**",
-            f"{r['load_s'] + r['first_prediction_s'] + r['first_estimate_s']:.1f} s",
-            f"{r['peak_memory_bytes'] / 1e9:.1f} GB",
-        )
-        for numbers in found
-        for r in numbers["frames"]
-    ]
-    head = (
-        *("run", "nodes", "one solution", "prediction", "with fast bound", "frames / s"),
-        *("ready after", "memory"),
+    table = table_of(
+        [r for numbers in found for r in numbers["frames"]],
+        {
+            "run": "`{run}`",
+            "nodes": "{nodes}",
+            "one solution": "{solve_ms:.3g} ms",
+            "prediction": "{predict_ms:.3g} ms",
+            "with fast bound": "{with_bound_ms:.3g} ms",
+            "frames / s": "**{frames_per_second:.0f}**",
+            "ready after": lambda r: (
+                f"{r['load_s'] + r['first_prediction_s'] + r['first_estimate_s']:.1f} s"
+            ),
+            "memory": lambda r: f"{r['peak_memory_bytes'] / 1e9:.1f} GB",
+        },
     )
     return (
         "The liver, refined once and twice, under body forces, and unrefined with touches; one "
         "load after the other,\nwith the fast bound of each prediction (its estimate before "
         "calibration where `surrogate calibrate` has not\nrun). One solution is one with the "
-        "stiffness of the body at rest.\n\n" + markdown_table(head, rows)
+        "stiffness of the body at rest.\n\n" + table
     )
 
 
