@@ -20,14 +20,14 @@ if TYPE_CHECKING:
     from datagen.cases.case import Case, read_case
     from datagen.cases.case_list import shipped_cases
     from datagen.cases.case_schema import case_keys, case_schema
+    from datagen.contrib.plaid.exporting import export_plaid
+    from datagen.contrib.plaid.importing import import_plaid
     from datagen.farm.body_dataset import body
     from datagen.farm.farm import run
     from datagen.farm.run_estimate import DryRun, dry_run
     from datagen.output.dataset_figure import plot_dataset as plot
     from datagen.output.dataset_info import info
     from datagen.output.paraview_series import export
-    from datagen.plaid_format.exporting import export_plaid
-    from datagen.plaid_format.importing import import_plaid
     from datagen.solution import Solution, solve
     from datagen.transforms.added_noise import add_noise
     from datagen.transforms.reindexing import structure

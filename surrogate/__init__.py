@@ -16,6 +16,7 @@ from shared_schema.common.lazy_names import lazy_names
 from surrogate.old_paths import OldPaths
 
 if TYPE_CHECKING:
+    from surrogate.contrib.refinement import refine
     from surrogate.learning.data.dataset import Dataset
     from surrogate.learning.data.joined_dataset import read_dataset
     from surrogate.learning.evaluation.learning_curves import LearningCurve, learning_curve
@@ -38,7 +39,6 @@ if TYPE_CHECKING:
     from surrogate.learning.runs.shelf import shelve, shelved
     from surrogate.learning.runs.trained_list import trained_list
     from surrogate.learning.training.loop import train
-    from surrogate.learning.training.refinement import refine
     from surrogate.mechanics.descent.aim import UnreachedToleranceWarning
     from surrogate.mechanics.identification.identification import Identification, identify
     from surrogate.mechanics.identification.markers import Markers

@@ -6,53 +6,27 @@ import argparse
 import os
 import sys
 from collections.abc import Callable, Sequence
+from importlib import import_module
 
 from shared_schema.common.command_line import Parser, make_parser, parsed, run_command
 from surrogate.command_options import speaks
-from surrogate.commands import (
-    balance,
-    calibrate,
-    compare,
-    evaluate,
-    export,
-    identify,
-    init,
-    learn_curve,
-    page,
-    predict,
-    propose,
-    refine,
-    report,
-    schema,
-    serve,
-    shelf,
-    train,
-)
+from surrogate.extensions import CONTRIB
 
-COMMANDS = (
-    init,
-    schema,
-    train,
-    evaluate,
-    calibrate,
-    compare,
-    learn_curve,
-    predict,
-    identify,
-    propose,
-    refine,
-    balance,
-    export,
-    report,
-    page,
-    serve,
-    shelf,
+NAMES = (  # in the order of the help
+    "init schema train evaluate calibrate compare learn-curve predict identify propose refine "
+    "balance export report page serve list shelve"
 )
+ELSEWHERE = {**CONTRIB, **dict.fromkeys(("list", "shelve"), "surrogate.commands.shelf")}
+COMMANDS = {
+    name: ELSEWHERE.get(name, f"surrogate.commands.{name.replace('-', '_')}")
+    for name in NAMES.split()
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; return its exit code (0 done, 1 failed, 2 wrong input, 3 not certified)."""
-    options = parsed(_parser(), arguments)
+    given = sys.argv[1:] if arguments is None else arguments
+    options = parsed(_parser(*given[:1]), arguments)
     command: Callable[[argparse.Namespace], None] = options.command
 
     def run() -> None:
@@ -66,14 +40,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return run_command("surrogate", run, speaks())
 
 
-def _parser() -> Parser:
+def _parser(command: str | None = None) -> Parser:
+    """Make the parser of one command, or of all if there is none of this name."""
     from surrogate import __version__
 
     description = "Train and evaluate surrogates on datasets made by datagen."
     names = {"config": _config_names, "run": _run_names, "runs": _run_names}
     parser, commands = make_parser("surrogate", description, __version__, names)
-    for command in COMMANDS:
-        command.add_to(commands)
+    modules = [COMMANDS[command]] if command in COMMANDS else dict.fromkeys(COMMANDS.values())
+    for module in modules:
+        import_module(module).add_to(commands)
     return parser
 
 

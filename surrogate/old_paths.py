@@ -24,8 +24,11 @@ PLACES = (  # old and new package, and the rooms and modules that have moved
         "surrogate",
         "surrogate.learning",
         "data networks probabilistic models optim training runs evaluation measures planning "
-        "baselines inference",
+        "inference",
     ),
+    ("surrogate.models", "surrogate.contrib", "pod_model"),
+    ("surrogate.training", "surrogate.contrib", "refinement sample_paths"),
+    ("surrogate.mechanics", "surrogate.contrib", "load_path"),
     ("surrogate.runs", "surrogate.runtime", "tensor_file"),
     ("surrogate.series", "surrogate.learning.data", "terms_on_grid"),
     ("surrogate.data", "surrogate.mechanics.body", "geometry elements_of_case free_components"),
@@ -33,8 +36,8 @@ PLACES = (  # old and new package, and the rooms and modules that have moved
     (
         "surrogate.mechanics",
         "surrogate.mechanics.equilibrium",
-        "block_solve compliance follower_pressure kept_responses linear_response load_path "
-        "newton_steps nodal_gradient out_of_balance quadratic stresses tool_springs weighted_sums",
+        "block_solve compliance follower_pressure kept_responses linear_response "
+        "newton_steps nodal_gradient out_of_balance quadratic stresses tool_springs",
     ),
 )
 MOVED = {f"{old}.{name}": f"{new}.{name}" for old, new, names in PLACES for name in names.split()}

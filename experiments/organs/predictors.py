@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from experiments.framework.resources import Resources
 from experiments.measures.latency import prediction
 from surrogate import Surrogate, load
-from surrogate.learning.inference import balance, fit_balance
+from surrogate.contrib import fit_balance
+from surrogate.learning.inference import balance
 from surrogate.learning.probabilistic import Distribution
 
 HUNDREDTHS_OF_MM = 1e5  # 1e-5 m in a metre

@@ -1,8 +1,8 @@
-"""Mechanics of a body of finite elements: energy, forces and tangent, equilibrium, K⁻¹, load paths.
+"""Mechanics of a body of finite elements: energy, forces and tangent, equilibrium, K⁻¹.
 
 `Equilibrium` has what Newton's method needs at any displacement: out-of-balance forces, steps,
 potential energy. `Compliance` and `LinearResponse` are K⁻¹ of the undeformed body, at its nodes and
-on the grid, for networks. `LoadPaths` tell how an equilibrium changes with its load.
+on the grid, for networks.
 """
 
 from typing import TYPE_CHECKING
@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from surrogate.mechanics.equilibrium.compliance import Compliance
     from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
     from surrogate.mechanics.equilibrium.linear_response import LinearResponse
-    from surrogate.mechanics.equilibrium.load_path import LoadPaths, follow
     from surrogate.mechanics.equilibrium.newton_steps import NewtonSteps, norms
     from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
     from surrogate.mechanics.equilibrium.stresses import cell_stresses, reactions
@@ -27,12 +26,10 @@ __all__ = [
     "Equilibrium",
     "FollowerPressure",
     "LinearResponse",
-    "LoadPaths",
     "MeanDilationSolid",
     "NewtonSteps",
     "Solid",
     "cell_stresses",
-    "follow",
     "norms",
     "reactions",
 ]

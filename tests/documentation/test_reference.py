@@ -6,7 +6,7 @@ import shlex
 
 from shared_schema.common.keys.key_list import Key
 from surrogate.command_line import _parser
-from surrogate.learning.models.kinds import KINDS
+from surrogate.learning.models.kinds import kinds
 from surrogate.learning.models.training_config import TrainingConfig
 from website.key_tables import keys_page
 from website.reference import commands_of, commands_page, pages_of
@@ -37,7 +37,7 @@ def test_examples_of_the_help_are_commands() -> None:
 
 def test_every_key_is_described() -> None:
     page = pages_of("surrogate")["configuration-keys.md"]
-    for model in KINDS.values():
+    for model in kinds().values():
         assert all(f"| `{key}` |" in page for key in model.model_fields)
     assert all(f"| `{key}` |" in page for key in TrainingConfig.model_fields)
 

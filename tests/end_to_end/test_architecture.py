@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from surrogate.extensions import CONTRIB
+
 ROOT = Path(__file__).parents[2]
 FACTORY = {"dolfinx", "ufl", "basix", "ffcx", "petsc4py", "mpi4py", "gmsh"}
 LEARNER = {"jinja2", "safetensors", "torch"}
@@ -47,11 +49,12 @@ LAYERS = {  # packages and root modules; imports go downwards, or anywhere insid
         ["solver"],
         ["stability"],
         ["cases"],
-        ["farm", "transforms", "output", "plaid_format", "solution"],
+        ["farm", "transforms", "output", "solution"],
+        ["contrib"],
         ["commands", "command_line"],
     ],
     "surrogate": [
-        ["runtime", "old_paths"],
+        ["runtime", "old_paths", "extensions"],
         ["mechanics.energy", "mechanics.matrices"],
         ["mechanics.compiled"],
         ["mechanics.body", "mechanics.solids"],
@@ -62,14 +65,16 @@ LAYERS = {  # packages and root modules; imports go downwards, or anywhere insid
         ["mechanics.identification"],
         ["learning.data", "learning.probabilistic"],
         ["learning.networks"],
-        ["learning.baselines", "learning.optim"],
+        ["learning.optim"],
         ["learning.models"],
         ["learning.runs"],
         ["learning.inference"],
         ["learning.training", "learning.measures", "figures"],
         ["learning.planning", "learning.evaluation"],
         ["page", "serving"],
-        ["commands", "command_line", "command_options"],
+        ["command_options"],
+        ["commands", "contrib"],
+        ["command_line"],
     ],
 }
 STOREYS = {"surrogate.mechanics", "surrogate.learning"}  # packages of rooms
@@ -202,6 +207,20 @@ def test_a_storey_knows_nothing_of_what_is_above(storey: str) -> None:
         found = {each for each in IMPORTS[name] if each.startswith("surrogate.")}
         above = {each for each in found if each.split(".")[1] in APART[storey]}
         assert not above or name in MOVING, f"{name} imports {sorted(above)}"
+
+
+def test_nothing_imports_contrib() -> None:
+    """The core finds its parts by name: public names, and the places of `surrogate.extensions`."""
+    for name, tree in TREES.items():
+        inside = name.split(".")[1:2] == ["contrib"]
+        for node in statements(tree):
+            text = ast.unparse(node) if isinstance(node, ast.Import | ast.ImportFrom) else ""
+            assert inside or ".contrib" not in text, f"{name}: {text}"
+
+
+def test_every_place_of_an_extension_is_there() -> None:
+    for place in CONTRIB.values():
+        assert {place, place.rpartition(".")[0]} & set(FILES)
 
 
 def test_a_circle_inside_functions_is_found() -> None:

@@ -21,8 +21,8 @@ from shared_schema.common.keys.units import SI
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.tools import Sphere
 from surrogate.learning.inference.training_range import TrainingRange
+from surrogate.learning.models.kinds import run_config
 from surrogate.learning.probabilistic.distribution import Distribution
-from surrogate.learning.runs.config_reader import run_config
 from surrogate.mechanics.body.body import Body
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.certify import (

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from surrogate.learning.models.kinds import run_config
 from surrogate.learning.models.unet_model import UNetModel
-from surrogate.learning.runs.config_reader import read_config, run_config
+from surrogate.learning.runs.config_reader import read_config
 
 
 def unet_config(**content: Any) -> UNetModel:

@@ -14,7 +14,7 @@
 `fresh_loads`          random load cases of a run: those of its training, or around them
 `load_calibration`     bounds of a run without a dataset, on corrected random loads
 `touched_region`       columns of the compliance at the nodes that tools reach
-`modal_cubature`       the least energy in the modes of a reduced network: `surrogate balance`
+`modal_cubature`       the least energy in the modes of a reduced network
 `proposal`             load cases that a network predicts worst
 `export`               a file for other programs: ONNX or ``.pt2``
 =====================  ========================================================================
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from surrogate.learning.inference.calibrated_bounds import fit_fast_certificate
     from surrogate.learning.inference.export import NodalFunction, fixed_directions
     from surrogate.learning.inference.fresh_loads import drawn_loads
-    from surrogate.learning.inference.modal_cubature import balance, fit_balance
+    from surrogate.learning.inference.modal_cubature import balance
     from surrogate.learning.inference.proposal import farthest
     from surrogate.learning.inference.surrogate import Surrogate
     from surrogate.mechanics.body.given_load import separated
@@ -39,7 +39,6 @@ __all__ = [
     "balance",
     "drawn_loads",
     "farthest",
-    "fit_balance",
     "fit_fast_certificate",
     "fixed_directions",
     "separated",

@@ -12,7 +12,6 @@ from torch import Tensor
 
 from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.errors import InputError, first_line
-from surrogate.learning.inference.modal_cubature import balance, read_cubature
 from surrogate.learning.inference.surrogate import Surrogate
 from surrogate.learning.inference.touched_region import restore_columns
 from surrogate.learning.runs.description import RunDescription
@@ -96,6 +95,8 @@ def _loaded(
             f"{folder.model}: does not fit {folder.config.name} ({first_line(error)})"
         ) from None
     if folder.modal_cubature.is_file():
+        from surrogate.learning.inference.modal_cubature import balance, read_cubature
+
         folder.seal.require_intact(folder.modal_cubature)
         balance(surrogate, read_cubature(folder.modal_cubature))
     restore_columns(surrogate, folder)

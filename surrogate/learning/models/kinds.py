@@ -1,81 +1,122 @@
 """The kinds of model: every architecture with each of its likelihoods, chosen by two keys.
 
 An architecture is a class with keys and methods; a likelihood is a set of further keys. A kind of
-model has both, so that a configuration with any other key is refused.
+model has both, so that a configuration with any other key is refused. An architecture is imported
+when a configuration names it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import reduce
+from functools import cache, reduce
 from operator import or_
 from typing import TYPE_CHECKING, Annotated, Any, cast, get_args
 
-from pydantic import BaseModel, Discriminator, Tag, TypeAdapter, create_model
-
-from surrogate.learning.models.likelihood_keys import (
-    Deterministic,
-    GaussianProcess,
-    MaximumLikelihood,
-    Regression,
-    Ridge,
-    Untrained,
-    VariationalBayes,
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    Discriminator,
+    SerializeAsAny,
+    Tag,
+    TypeAdapter,
+    ValidationError,
+    create_model,
 )
-from surrogate.learning.models.linear_model import LinearModel
-from surrogate.learning.models.model import Model
-from surrogate.learning.models.pod_model import PODModel
-from surrogate.learning.models.reduced_model import ReducedModel
-from surrogate.learning.models.series_model import SeriesModel
-from surrogate.learning.models.unet_model import UNetModel
-from surrogate.learning.networks.reduced_network import VariationalLayers
-from surrogate.learning.probabilistic.flipout import VariationalConvolutions
 
-ARCHITECTURES: dict[type[Model], tuple[type[BaseModel], ...]] = {
-    UNetModel: (Deterministic, MaximumLikelihood, VariationalBayes[VariationalConvolutions]),
-    LinearModel: (Regression,),
-    PODModel: (Ridge, GaussianProcess),
-    ReducedModel: (Deterministic, MaximumLikelihood, VariationalBayes[VariationalLayers]),
-    SeriesModel: (Untrained,),
+from shared_schema.common.configuration import first_problem
+from shared_schema.common.errors import InputError
+from surrogate.extensions import CONTRIB, at
+from surrogate.learning.models.model import Model
+
+ARCHITECTURES = {
+    "unet": "surrogate.learning.models.unet_model.UNetModel",
+    "linear": "surrogate.learning.models.linear_model.LinearModel",
+    "pod": CONTRIB["pod"],
+    "reduced": "surrogate.learning.models.reduced_model.ReducedModel",
+    "series": "surrogate.learning.models.series_model.SeriesModel",
 }
 
 
-def composed(architecture: type[Model], likelihood: type[BaseModel]) -> type[Model]:
-    """Return the class of an architecture with the keys of a likelihood."""
-    name = f"{likelihood.__name__.partition('[')[0]}{architecture.__name__}"
-    bases = cast("tuple[type[Model], ...]", (likelihood, architecture))
-    return create_model(name, __base__=bases, __doc__=likelihood.__doc__)
-
-
-def tag_of(content: Any) -> str | None:
-    """Return the kind of model that a configuration names; None if it is not a mapping."""
-    if isinstance(content, Model):
-        return tag(content.model, content.likelihood)
+def run_config(content: Any, source: str = "config") -> Model:
+    """Build a configuration from plain data; an InputError names the first wrong key."""
     if not isinstance(content, Mapping):
-        return None
-    return tag(content.get("model", "unet"), content.get("likelihood", "deterministic"))
+        raise InputError(f"{source}: expected a mapping of keys to values")
+    kind, name = kind_of(content), tag_of(content)
+    if kind is None:
+        raise InputError(f"{source}: found {name}, expected one of {', '.join(map(repr, kinds()))}")
+    try:
+        return kind.model_validate(content)
+    except ValidationError as error:
+        raise InputError(f"{source}: {first_problem(error, content)} {name}") from None
 
 
-def tag(model: Any, likelihood: Any) -> str:
+def kind_of(content: Mapping[str, Any]) -> type[Model] | None:
+    """Return the kind of model that a configuration names; None if there is none."""
+    model = content.get("model", "unet")
+    known = isinstance(model, str) and model in ARCHITECTURES
+    return kinds_of(model).get(tag_of(content)) if known else None
+
+
+def tag_of(content: Mapping[str, Any]) -> str:
     """Return the tag of a kind of model, by the values of its keys `model` and `likelihood`."""
+    model, likelihood = content.get("model", "unet"), content.get("likelihood", "deterministic")
     return f"(model {model}, likelihood {likelihood})"
 
 
-def only_value(kind: type[Model], key: str) -> str:
-    """Return the single value that a kind of model accepts of a key."""
-    (value,) = get_args(kind.model_fields[key].annotation)
+def kinds() -> dict[str, type[Model]]:
+    """Return all kinds of model by their tags."""
+    return {name: kind for model in ARCHITECTURES for name, kind in kinds_of(model).items()}
+
+
+@cache
+def kinds_of(model: str) -> dict[str, type[Model]]:
+    """Return the kinds of one architecture by their tags."""
+    architecture: type[Model] = at(ARCHITECTURES[model])
+    composed = [_composed(architecture, likelihood) for likelihood in architecture.likelihoods]
+    globals().update({kind.__name__: kind for kind in composed})  # where pickle looks for a class
+    return {tag_of({"model": model, "likelihood": _only_value(kind)}): kind for kind in composed}
+
+
+def _composed(architecture: type[Model], likelihood: type[BaseModel]) -> type[Model]:
+    """Return the class of an architecture with the keys of a likelihood."""
+    name = f"{likelihood.__name__.partition('[')[0]}{architecture.__name__}"
+    bases = cast("tuple[type[Model], ...]", (likelihood, architecture))
+    doc = likelihood.__doc__
+    return create_model(name, __base__=bases, __module__=__name__, __doc__=doc)
+
+
+def _only_value(kind: type[Model]) -> str:
+    """Return the single likelihood of a kind of model."""
+    (value,) = get_args(kind.model_fields["likelihood"].annotation)
     return str(value)
 
 
-_ALL = [composed(part, other) for part, others in ARCHITECTURES.items() for other in others]
-globals().update({kind.__name__: kind for kind in _ALL})  # where pickle looks for a class
-KINDS: dict[str, type[Model]] = {
-    tag(only_value(kind, "model"), only_value(kind, "likelihood")): kind for kind in _ALL
-}
+def __getattr__(name: str) -> type[Model]:
+    """Return a class by its name, in a process that has not made it yet."""
+    for kind in kinds().values():
+        if kind.__name__ == name:
+            return kind
+    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+
+
+def union() -> TypeAdapter[Model]:
+    """Return all kinds as one type, for its schema."""
+    tagged = [Annotated[kind, Tag(name)] for name, kind in kinds().items()]
+    every: Any = Annotated[reduce(or_, tagged), Discriminator(tag_of)]
+    return TypeAdapter(every)
+
+
+def _of_its_kind(content: Any) -> Model:
+    """Build a configuration inside another one, whose message then names the key of both."""
+    if isinstance(content, Model):
+        return content
+    try:
+        return run_config(content, "run")
+    except InputError as error:
+        raise ValueError(str(error).removeprefix("run: ")) from None
+
 
 if TYPE_CHECKING:
     RunConfig = Model
 else:
-    tagged = [Annotated[kind, Tag(name)] for name, kind in KINDS.items()]
-    RunConfig = Annotated[reduce(or_, tagged), Discriminator(tag_of)]
-ADAPTER: TypeAdapter[Model] = TypeAdapter(RunConfig)
+    RunConfig = Annotated[SerializeAsAny[Model], BeforeValidator(_of_its_kind)]

@@ -1,11 +1,10 @@
-"""Configuration keys that a likelihood, or a regression, adds to those of an architecture."""
+"""Configuration keys that a likelihood adds to those of an architecture."""
 
 from __future__ import annotations
 
 from typing import Generic, Literal, TypeVar
 
 from shared_schema.common.configuration import Frozen
-from surrogate.learning.baselines.pod import GaussianProcessConfig, RidgeConfig
 from surrogate.learning.models.training_config import (
     DeterministicTraining,
     LikelihoodTraining,
@@ -60,17 +59,3 @@ class Untrained(Frozen):
     """A model that follows from the body, and predicts displacements."""
 
     likelihood: Literal["deterministic"] = "deterministic"
-
-
-class Ridge(Frozen):
-    """Coefficients of modes by ridge regression on polynomials of the forces."""
-
-    likelihood: Literal["deterministic"] = "deterministic"
-    pod: RidgeConfig
-
-
-class GaussianProcess(Frozen):
-    """Coefficients of modes, with standard deviations, by a Gaussian process."""
-
-    likelihood: Literal["maximum_likelihood"]
-    pod: GaussianProcessConfig

@@ -9,10 +9,11 @@ from pydantic import model_validator
 from torch import Tensor, nn
 
 from shared_schema.common.errors import InputError
-from surrogate.learning.baselines.linear_map import LinearMap, compliance_of
 from surrogate.learning.data.samples import Samples
+from surrogate.learning.models.likelihood_keys import Regression
 from surrogate.learning.models.model import TrainedModel, require_stiffness
 from surrogate.learning.networks.field_network import FieldNetwork
+from surrogate.learning.networks.linear_map import LinearMap, compliance_of
 
 if TYPE_CHECKING:
     from surrogate.learning.data.dataset import Dataset
@@ -22,6 +23,7 @@ class LinearModel(TrainedModel):
     """One dense layer without bias between nodal forces and displacements."""
 
     title = "linear layer"
+    likelihoods = (Regression,)
 
     model: Literal["linear"]
 

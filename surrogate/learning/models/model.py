@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sized
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
 
 import torch
-from pydantic import Field
+from pydantic import BaseModel, Field
 from torch import Tensor, nn
 
 from shared_schema.common.configuration import Frozen
@@ -68,6 +68,7 @@ class Model(Frozen, ABC):
     """
 
     title: ClassVar[str]
+    likelihoods: ClassVar[tuple[type[BaseModel], ...]]  # the keys of each that it goes with
     learns: ClassVar[bool] = True  # from samples; if not, the body alone makes the model
 
     name: str

@@ -10,6 +10,11 @@ from torch import Tensor, nn
 
 from surrogate.learning.data.samples import Samples
 from surrogate.learning.data.terms_on_grid import series_on_grid
+from surrogate.learning.models.likelihood_keys import (
+    Deterministic,
+    MaximumLikelihood,
+    VariationalBayes,
+)
 from surrogate.learning.models.network_model import NetworkModel
 from surrogate.learning.networks.field_network import FieldNetwork
 from surrogate.learning.networks.modes import chosen_rows
@@ -39,6 +44,7 @@ class ReducedModel(NetworkModel):
     """
 
     title = "reduced network"
+    likelihoods = Deterministic, MaximumLikelihood, VariationalBayes[VariationalLayers]
 
     model: Literal["reduced"]
     network: ReducedConfig = ReducedConfig()

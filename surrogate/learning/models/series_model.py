@@ -12,6 +12,7 @@ from torch import Tensor, nn
 
 from shared_schema.materials import Materials
 from surrogate.learning.data.samples import Samples
+from surrogate.learning.models.likelihood_keys import Untrained
 from surrogate.learning.models.model import Model
 from surrogate.learning.models.training_config import SplitConfig
 from surrogate.learning.networks.field_network import FieldNetwork
@@ -38,6 +39,7 @@ class SeriesModel(Model):
     """
 
     title = "load series"
+    likelihoods = (Untrained,)
     learns: ClassVar[bool] = False
 
     model: Literal["series"]

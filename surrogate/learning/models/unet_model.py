@@ -12,6 +12,11 @@ from torch import Tensor, nn
 from shared_schema.common.errors import InputError
 from shared_schema.materials import Materials
 from surrogate.learning.data.samples import Samples
+from surrogate.learning.models.likelihood_keys import (
+    Deterministic,
+    MaximumLikelihood,
+    VariationalBayes,
+)
 from surrogate.learning.models.network_model import NetworkModel
 from surrogate.learning.networks.field_network import FieldNetwork
 from surrogate.learning.networks.inputs import Input
@@ -40,6 +45,7 @@ class UNetModel(NetworkModel):
     """
 
     title = "U-Net"
+    likelihoods = Deterministic, MaximumLikelihood, VariationalBayes[VariationalConvolutions]
 
     model: Literal["unet"] = "unet"
     network: UNetConfig = UNetConfig()

@@ -22,10 +22,10 @@ from shared_schema.manifest import MANIFEST
 from shared_schema.materials import NeoHookean
 from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.data.joined_dataset import read_dataset
+from surrogate.learning.models.kinds import run_config
 from surrogate.learning.models.model import Model, TrainedModel
 from surrogate.learning.models.training_memory import training_memory
 from surrogate.learning.probabilistic.likelihoods import Likelihood
-from surrogate.learning.runs.config_reader import run_config
 
 Architecture = Literal["unet", "reduced"]
 SHORT = {"deterministic": "det", "maximum_likelihood": "mle", "variational_bayes": "vb"}

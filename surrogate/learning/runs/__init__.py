@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from shared_schema.common.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from surrogate.learning.runs.config_reader import run_config
+    from surrogate.learning.models.kinds import run_config
     from surrogate.learning.runs.description import DataFingerprint, RunDescription
     from surrogate.learning.runs.folder import RunFolder
     from surrogate.learning.runs.recipes import read_recipe

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from shared_schema.common.shipped_files import shipped_files
 from shared_schema.common.text_table import laid_out
-from surrogate.learning.runs.config_reader import run_config
+from surrogate.learning.models.kinds import run_config
 from surrogate.learning.runs.recipes import SHIPPED, named
 
 

@@ -8,8 +8,7 @@ from typing import Any
 
 from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.changed_keys import changed, source_of
-from shared_schema.common.configuration import validate
-from surrogate.learning.models.kinds import ADAPTER
+from surrogate.learning.models.kinds import run_config
 from surrogate.learning.models.model import Model
 from surrogate.learning.runs.recipes import Data, case_of, named, read_recipe
 
@@ -48,8 +47,3 @@ def read_config(config: Config, *, changes: Sequence[str] = (), data: Data | Non
     if changes:
         content = changed({**content, "recipe": "custom"}, changes)
     return run_config(content, source_of(source, changes))
-
-
-def run_config(content: Any, source: str = "config") -> Model:
-    """Build a configuration from plain data; an InputError names the first wrong key."""
-    return validate(ADAPTER, content, source)

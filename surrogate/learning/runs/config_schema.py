@@ -8,19 +8,19 @@ from pydantic import TypeAdapter
 
 from shared_schema.common.keys.json_schema import Schema, json_schema
 from shared_schema.common.keys.key_list import Key, joined, keys_of
-from surrogate.learning.models.kinds import ADAPTER, KINDS
+from surrogate.learning.models.kinds import kinds, union
 
 TITLE = "Configuration of surrogate train"
 
 
 def config_schema() -> Schema:
     """Return the JSON Schema of a configuration, one of the kinds of model."""
-    return json_schema(ADAPTER, TITLE)
+    return json_schema(union(), TITLE)
 
 
 def config_keys() -> list[Key]:
     """List the keys of all kinds of model; `Key.only` names the kinds that have a key."""
-    lists = [keys_of(json_schema(TypeAdapter(kind), TITLE)) for kind in KINDS.values()]
+    lists = [keys_of(json_schema(TypeAdapter(kind), TITLE)) for kind in kinds().values()]
     return joined({_kind(keys): keys for keys in lists}, lambda having: _named(having, lists))
 
 

@@ -13,7 +13,7 @@ from shared_schema.common.keys.units import Units
 from shared_schema.manifest import StructuredInfo
 from shared_schema.materials import Materials, materials_of
 from surrogate.learning.data.load_range import LoadRange, load_range
-from surrogate.learning.models.kinds import KINDS, RunConfig, tag_of
+from surrogate.learning.models.kinds import RunConfig, kind_of
 from surrogate.learning.models.model import Model, TrainedModel
 from surrogate.learning.runs.legacy import upgraded
 from surrogate.mechanics.body.elements_of_case import element_of
@@ -169,8 +169,7 @@ class RunDescription(Frozen):
         if not isinstance(content, Mapping) or "version" in content:
             return content
         run = content.get("run")
-        kind = KINDS.get(tag_of(run) or "")
-        if not isinstance(run, Mapping) or kind is None:
+        if not isinstance(run, Mapping) or (kind := kind_of(run)) is None:
             return content
         return {**content, "version": 2, "run": upgraded(run, kind)}
 

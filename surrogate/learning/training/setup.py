@@ -11,6 +11,7 @@ import torch
 
 from shared_schema.common.bodies.displacement_size import size_warning
 from shared_schema.common.errors import InputError
+from surrogate.extensions import CONTRIB, at
 from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.data.joined_dataset import read_dataset
 from surrogate.learning.data.mirror import with_mirror_images
@@ -23,12 +24,6 @@ from surrogate.learning.runs.recipes import Data
 from surrogate.learning.runs.split import TrainingSplit, split_training
 from surrogate.learning.training.cuda_graph import can_capture
 from surrogate.learning.training.data_parallel import ALONE, Ranks
-from surrogate.learning.training.sample_paths import (
-    SamplePaths,
-    compute_missing,
-    read_paths,
-    require_path_memory,
-)
 from surrogate.learning.training.trainer import Trainer
 from surrogate.learning.training.training_log import require_tensorboard
 from surrogate.learning.training.validation import Reference
@@ -121,7 +116,9 @@ def make_trainer(
     needed = least_memory(config, dataset, len(split.train), ranks.count)
     require_device_memory(needed, f"config '{config.name}': {keys}: training", device)
     network = initial_network(config, dataset, split, start)
-    paths = load_paths(config, dataset, split, ranks)
+    drawn = None
+    if config.training.load_paths:
+        drawn = at(CONTRIB["load_paths"])(config, dataset, split, ranks)
     lay_out(network, dataset.geometry.dimension, config.training.precision, device)
     if config.training.cuda_graphs and ranks.is_first and not can_capture(device, ranks.count):
         logger.warning(
@@ -134,7 +131,7 @@ def make_trainer(
     if compared.nodal is not None:
         rows = split.train_rows[: len(split.validation)]
         on_few = Reference.of(network, dataset, split.train[: len(rows)], rows)
-    return Trainer(config, network, split.train, split.validation, ranks, paths, compared, on_few)
+    return Trainer(config, network, split.train, split.validation, ranks, drawn, compared, on_few)
 
 
 def least_memory(config: TrainedModel, dataset: Dataset, samples: int, processes: int = 1) -> int:
@@ -167,27 +164,3 @@ def initial_network(
         first = first.some(torch.Generator().manual_seed(stream(config.seed, ORDER)))
     config.start_from_data(network, dataset, first)
     return network
-
-
-def load_paths(
-    config: TrainedModel, dataset: Dataset, split: Split, ranks: Ranks
-) -> SamplePaths | None:
-    """Compute missing load paths of the training samples and read all; None without any.
-
-    Collective.
-    """
-    count, mirrors = config.training.load_paths, config.training.mirrors
-    key = f"config '{config.name}': key 'training.load_paths'"
-    if not count:
-        return None
-
-    def compute() -> None:
-        if isinstance(dataset.training, SamplesOnDisk):
-            raise InputError(f"{key} = {count}: expected 0 of samples on disk")
-        require_path_memory(dataset, count, 2 ** len(mirrors) * len(split.train_rows), key)
-        compute_missing(dataset, split.train_rows, count)
-
-    ranks.from_first(compute)
-    paths = read_paths(dataset, split.train_rows, count)
-    key = f"config '{config.name}': key 'training.mirrors'"
-    return paths.with_mirror_images(dataset.geometry, mirrors, key)

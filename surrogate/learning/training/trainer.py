@@ -32,7 +32,6 @@ from surrogate.learning.training.checkpoint import Stateful
 from surrogate.learning.training.compilation import compiled
 from surrogate.learning.training.cuda_graph import CapturedStep, can_capture
 from surrogate.learning.training.data_parallel import ALONE, Ranks
-from surrogate.learning.training.sample_paths import AlongPaths, SamplePaths, prepared_paths
 from surrogate.learning.training.sample_store import SampleStore, prepared_store
 from surrogate.learning.training.validation import Reference, loss_per_datum, validate
 from surrogate.runtime.device import autocast, convolutions
@@ -55,8 +54,8 @@ class Trainer:
         Processes that train the network together.
     note : str
         Remark of the progress line: loss and validation error of the last epoch.
-    paths : SamplePaths, optional
-        Load paths of the training samples, from which the batches are then drawn.
+    drawn : callable, optional
+        Makes of the store of the training samples one that draws other batches from them.
     compared, compared_train : Reference, optional
         What errors of the validation samples, and of as many training samples, are compared with;
         by default the samples themselves, on a grid of nodes.
@@ -67,7 +66,7 @@ class Trainer:
     train: Samples | SamplesOnDisk
     validation: Samples | SamplesOnDisk
     ranks: Ranks = ALONE
-    paths: SamplePaths | None = None
+    drawn: Callable[[SampleStore, FieldNetwork], SampleStore] | None = None
     compared: Reference | None = None
     compared_train: Reference | None = None
 
@@ -85,9 +84,8 @@ class Trainer:
                 self.posterior_std = GaussNewtonStd(self.network, len(self.train), training.errors)
         self.train_store = self._stored(self.train)
         self.validation_store = self._stored(self.validation)
-        if self.paths is not None:
-            paths = prepared_paths(self.paths, self.network)
-            self.train_store = AlongPaths(self.train_store, paths)
+        if self.drawn is not None:
+            self.train_store = self.drawn(self.train_store, self.network)
         self.note = ""
         captures = training.cuda_graphs and can_capture(self.device, self.ranks.count)
         for bias in normalised_biases(self.network):

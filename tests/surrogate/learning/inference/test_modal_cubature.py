@@ -9,10 +9,11 @@ import pytest
 import torch
 
 from shared_schema.common.errors import InputError
+from surrogate.contrib.modal_fit import fit_balance
 from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.inference.export import export, load_exported
 from surrogate.learning.inference.loading import load
-from surrogate.learning.inference.modal_cubature import balance, fit_balance, modes_of
+from surrogate.learning.inference.modal_cubature import balance, modes_of
 from surrogate.learning.inference.surrogate import Surrogate
 from surrogate.mechanics.modal_equilibrium import BalancedCoefficients, Cubature, ModalEquilibrium
 from surrogate.mechanics.modal_equilibrium.compiled_energy import energy_at

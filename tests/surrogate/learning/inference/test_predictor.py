@@ -15,8 +15,8 @@ from shared_schema.grid import Grid
 from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.inference.loading import load
 from surrogate.learning.inference.surrogate import Surrogate
+from surrogate.learning.models.kinds import run_config
 from surrogate.learning.models.model import Model
-from surrogate.learning.runs.config_reader import run_config
 from surrogate.learning.runs.description import describe
 from surrogate.mechanics.equilibrium.compliance import CLOSE, Compliance
 from surrogate.mechanics.series import body_series, small_series

@@ -32,7 +32,7 @@ from surrogate.learning.inference import export
 from surrogate.learning.inference.loading import load
 from surrogate.learning.inference.proposal import propose
 from surrogate.learning.inference.surrogate import Surrogate
-from surrogate.learning.runs.config_reader import run_config
+from surrogate.learning.models.kinds import run_config
 from surrogate.learning.runs.folder import RunFolder
 from surrogate.learning.training.loop import train
 from surrogate.mechanics.equilibrium.kept_responses import KeptResponses

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from shared_schema.common.errors import InputError
-from surrogate.learning.models.kinds import KINDS
+from surrogate.learning.models.kinds import kinds, run_config
 from surrogate.learning.models.unet_model import UNetModel
-from surrogate.learning.runs.config_reader import read_config, run_config
+from surrogate.learning.runs.config_reader import read_config
 from tests.surrogate.recipe_names import NAMES
 from tests.surrogate.unet_configs import shipped_unet
 
@@ -72,7 +72,7 @@ def test_networks_are_those_of_the_deterministic_recipe(model: str) -> None:
 
 def test_every_kind_is_chosen_by_a_shipped_configuration() -> None:
     configs = [read_config(name) for name in NAMES]
-    assert {type(config) for config in configs} == set(KINDS.values())
+    assert {type(config) for config in configs} == set(kinds().values())
 
 
 @pytest.mark.parametrize(

@@ -17,13 +17,14 @@ from surrogate.learning.data.samples import Samples
 from surrogate.learning.data.terms_on_grid import series_on_grid
 from surrogate.learning.inference.export import export, load_exported
 from surrogate.learning.inference.loading import load
+from surrogate.learning.models.kinds import run_config
 from surrogate.learning.models.reduced_model import ReducedModel
 from surrogate.learning.networks.field_network import FieldNetwork
 from surrogate.learning.networks.modes import leading_modes
 from surrogate.learning.networks.reduced_network import ReducedNetwork
 from surrogate.learning.optim.optimisers import is_hidden_kernel
 from surrogate.learning.probabilistic.flipout import flipouts
-from surrogate.learning.runs.config_reader import read_config, run_config
+from surrogate.learning.runs.config_reader import read_config
 from surrogate.mechanics.equilibrium.linear_response import LinearResponse, required
 from tests.surrogate.resuming import assert_resumes, trained
 

@@ -14,9 +14,9 @@ from torch import nn
 from shared_schema.common.errors import InputError
 from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.data.samples import Samples
+from surrogate.learning.models.kinds import run_config
 from surrogate.learning.models.unet_model import UNetModel
 from surrogate.learning.optim.early_stopping import EarlyStopping, EarlyStoppingConfig
-from surrogate.learning.runs.config_reader import run_config
 from surrogate.learning.runs.folder import RunFolder
 from surrogate.learning.training.loop import train
 from surrogate.learning.training.trainer import Trainer

@@ -13,10 +13,10 @@ from shared_schema.common.errors import InputError
 from surrogate.command_line import main
 from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.data.joined_dataset import read_dataset
+from surrogate.learning.models.kinds import run_config
 from surrogate.learning.models.unet_model import UNetModel
 from surrogate.learning.networks.unet import parameter_count
 from surrogate.learning.planning.trial_steps import dry_run
-from surrogate.learning.runs.config_reader import run_config
 from surrogate.learning.runs.split import split_training
 
 CPU = torch.device("cpu")

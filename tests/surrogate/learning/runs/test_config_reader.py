@@ -6,9 +6,10 @@ import pytest
 import yaml
 
 from shared_schema.common.errors import InputError
+from surrogate.learning.models.kinds import run_config
 from surrogate.learning.models.training_config import DeterministicTraining
 from surrogate.learning.probabilistic.flipout import VariationalConvolutions
-from surrogate.learning.runs.config_reader import read_config, run_config
+from surrogate.learning.runs.config_reader import read_config
 from tests.surrogate.unet_configs import shipped_unet
 
 PLAIN = "name: a\ncase: b\n"

@@ -16,9 +16,10 @@ from safetensors.torch import save
 from shared_schema.common.errors import InputError
 from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.inference.loading import load
+from surrogate.learning.models.kinds import run_config
 from surrogate.learning.models.model import Model
 from surrogate.learning.models.unet_model import UNetModel
-from surrogate.learning.runs.config_reader import read_config, run_config
+from surrogate.learning.runs.config_reader import read_config
 from surrogate.learning.runs.folder import RunFolder
 from surrogate.learning.training.loop import train
 from surrogate.runtime.tensor_file import TENSOR_DIGEST, load_tensors, tensor_digest

@@ -14,9 +14,9 @@ from shared_schema.common.keys.units import Units
 from surrogate.learning.data.joined_dataset import read_dataset
 from surrogate.learning.inference.loading import load
 from surrogate.learning.measures.error_metrics import measure, sample_errors
+from surrogate.learning.models.kinds import run_config
 from surrogate.learning.models.unet_model import UNetModel
 from surrogate.learning.optim.early_stopping import EarlyStopping
-from surrogate.learning.runs.config_reader import run_config
 from surrogate.learning.runs.folder import RunFolder
 from surrogate.learning.runs.split import split_training
 from surrogate.learning.training.loop import train

@@ -14,15 +14,15 @@ import pytest
 import torch
 
 from shared_schema.grid import Grid, grid_arrays
-from surrogate.learning.baselines.linear_map import compliance_of
 from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.data.joined_dataset import read_dataset
 from surrogate.learning.data.load_families import RandomLoads
 from surrogate.learning.evaluation.run_evaluation import evaluate
 from surrogate.learning.inference.export import NodalFunction
 from surrogate.learning.inference.loading import load
+from surrogate.learning.models.kinds import run_config
 from surrogate.learning.models.model import TrainedModel
-from surrogate.learning.runs.config_reader import run_config
+from surrogate.learning.networks.linear_map import compliance_of
 from surrogate.learning.training.loop import train
 from surrogate.learning.training.setup import make_trainer, split_for
 from surrogate.mechanics.body.free_components import at_free

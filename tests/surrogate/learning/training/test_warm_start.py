@@ -14,8 +14,8 @@ from shared_schema.common.errors import InputError
 from surrogate.command_line import main
 from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.data.joined_dataset import read_dataset
+from surrogate.learning.models.kinds import run_config
 from surrogate.learning.models.unet_model import UNetModel
-from surrogate.learning.runs.config_reader import run_config
 from surrogate.learning.runs.folder import RunFolder
 from surrogate.learning.training.loop import train
 from tests.surrogate.resuming import untimed

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from surrogate.learning.data.dataset import Dataset
-from surrogate.learning.runs.config_reader import run_config
+from surrogate.learning.models.kinds import run_config
 from surrogate.mechanics.body.elements_of_case import with_elements
 from surrogate.mechanics.series.body_series import BodySeries
 from surrogate.mechanics.series.series_response import SeriesResponse

@@ -14,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 
 from datagen.cases.dataset_settings import DatasetSettings
-from datagen.plaid_format.interpreter import require_interpreter, run_script
+from datagen.contrib.plaid.interpreter import require_interpreter, run_script
 from datagen.transforms.reindexing import nodal_forces_of, split_of
 from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.configuration import validate

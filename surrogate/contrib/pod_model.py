@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Literal
 
 from torch import Tensor, nn
 
+from shared_schema.common.configuration import Frozen
 from shared_schema.common.memory import require_memory
-from surrogate.learning.baselines.pod import PODConfig, PODNetwork
+from surrogate.contrib.pod import GaussianProcessConfig, PODConfig, PODNetwork, RidgeConfig
 from surrogate.learning.data.samples import Samples
 from surrogate.learning.models.model import Gaussian, Model
 from surrogate.learning.models.training_config import SplitConfig
@@ -22,6 +23,20 @@ if TYPE_CHECKING:
     from surrogate.learning.data.dataset import Dataset
 
 
+class Ridge(Frozen):
+    """Coefficients of modes by ridge regression on polynomials of the forces."""
+
+    likelihood: Literal["deterministic"] = "deterministic"
+    pod: RidgeConfig
+
+
+class GaussianProcess(Frozen):
+    """Coefficients of modes, with standard deviations, by a Gaussian process."""
+
+    likelihood: Literal["maximum_likelihood"]
+    pod: GaussianProcessConfig
+
+
 class PODModel(Model):
     """Orthogonal modes of the displacements, and a regression of their coefficients.
 
@@ -32,6 +47,7 @@ class PODModel(Model):
     """
 
     title = "POD regression"
+    likelihoods = (Ridge, GaussianProcess)
 
     model: Literal["pod"]
     pod: PODConfig

@@ -10,14 +10,7 @@ import pytest
 import torch
 
 from shared_schema.common.errors import InputError
-from surrogate.learning.data.dataset import Dataset
-from surrogate.learning.data.joined_dataset import read_dataset
-from surrogate.learning.data.mirror import with_mirror_images
-from surrogate.learning.data.samples import Samples
-from surrogate.learning.models.unet_model import UNetModel
-from surrogate.learning.runs.folder import RunFolder
-from surrogate.learning.training.loop import train
-from surrogate.learning.training.sample_paths import (
+from surrogate.contrib.sample_paths import (
     FOLDER,
     IN_A_FILE,
     AlongPaths,
@@ -25,6 +18,13 @@ from surrogate.learning.training.sample_paths import (
     compute_missing,
     read_paths,
 )
+from surrogate.learning.data.dataset import Dataset
+from surrogate.learning.data.joined_dataset import read_dataset
+from surrogate.learning.data.mirror import with_mirror_images
+from surrogate.learning.data.samples import Samples
+from surrogate.learning.models.unet_model import UNetModel
+from surrogate.learning.runs.folder import RunFolder
+from surrogate.learning.training.loop import train
 from surrogate.learning.training.sample_store import DeviceStore
 from surrogate.mechanics.equilibrium.linear_response import LinearResponse
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from datagen.command_line import main
-from datagen.plaid_format.exporting import export_plaid
-from datagen.plaid_format.importing import import_plaid
+from datagen.contrib.plaid.exporting import export_plaid
+from datagen.contrib.plaid.importing import import_plaid
 from datagen.transforms.reindexing import structure
 from shared_schema.checker import check_dataset
 from shared_schema.common.errors import InputError

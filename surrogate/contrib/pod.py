@@ -30,8 +30,8 @@ from torch import Tensor
 from torch.nn import functional
 
 from shared_schema.common.configuration import Frozen
-from surrogate.learning.baselines.gaussian_process import GaussianProcess
-from surrogate.learning.baselines.ridge_regression import RidgeRegression
+from surrogate.contrib.gaussian_process import GaussianProcess
+from surrogate.contrib.ridge_regression import RidgeRegression
 from surrogate.learning.networks.field_network import SMALLEST_STD, FieldNetwork
 from surrogate.learning.networks.fitted import Fitted
 from surrogate.learning.networks.free_points import at_points, on_grid

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from datagen.cases.dataset_settings import DatasetSettings
+from datagen.contrib.plaid.exporting import CASE, ELEMENTS
+from datagen.contrib.plaid.interpreter import require_interpreter, run_script
 from datagen.farm.software_versions import software_versions
-from datagen.plaid_format.exporting import CASE, ELEMENTS
-from datagen.plaid_format.interpreter import require_interpreter, run_script
 from datagen.transforms.claim_folder import claim_folder, locked, remove_other_shards
 from datagen.transforms.reindexing import IMPORT
 from shared_schema.common.arguments.checked_arguments import checked_arguments

@@ -4,7 +4,7 @@ It runs in an environment with pyplaid, and imports nothing of this project::
 
     python write_plaid.py FOLDER OUT
 
-FOLDER has ``about.json`` and the arrays as ``.npy`` files (see `datagen.plaid_format.exporting`).
+FOLDER has ``about.json`` and the arrays as ``.npy`` files (see `datagen.contrib.plaid.exporting`).
 Every sample is a CGNS tree with one base and one zone: coordinates, elements, the nodal tags
 ``clamped`` and ``loadable``, and the fields ``force_x``, … and ``displacement_x``, … at the nodes.
 Globals are ``sample_number``, and ``stable`` (1 or 0) where it is known.

@@ -30,8 +30,8 @@ def add_to(commands: Commands) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Fit the cubature, and write it into the run or a copy."""
+    from surrogate.contrib.modal_fit import cubature_file, fit_balance
     from surrogate.learning.inference.loading import load
-    from surrogate.learning.inference.modal_cubature import cubature_file, fit_balance
     from surrogate.learning.runs.folder import RunFolder
     from surrogate.learning.runs.shelf import copy_run, find_run, require_changeable
 

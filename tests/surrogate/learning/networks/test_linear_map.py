@@ -14,15 +14,15 @@ from shared_schema.common.errors import InputError
 from shared_schema.grid import Grid
 from shared_schema.manifest import read_manifest, write_manifest
 from shared_schema.stiffness import stiffness_problems, write_stiffness
-from surrogate.learning.baselines.linear_map import LinearMap, compliance_of
 from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.data.joined_dataset import read_dataset
 from surrogate.learning.evaluation.run_evaluation import evaluate
 from surrogate.learning.inference.loading import load
 from surrogate.learning.inference.surrogate import Surrogate
+from surrogate.learning.models.kinds import run_config
 from surrogate.learning.models.model import Model
+from surrogate.learning.networks.linear_map import LinearMap, compliance_of
 from surrogate.learning.networks.unet import parameter_count
-from surrogate.learning.runs.config_reader import run_config
 from surrogate.learning.runs.description import describe
 from surrogate.learning.runs.folder import RunFolder
 from surrogate.learning.training.loop import train

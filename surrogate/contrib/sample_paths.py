@@ -3,7 +3,7 @@ r"""Load paths of samples: each sample is a family of solutions around its load.
 .. math:: F + t ΔF \mapsto U + t U_1 + t^2 U_2, \qquad t \in [-1, 1]
 
 A training draws one path and one t whenever it takes a sample
-(`surrogate.mechanics.equilibrium.load_path`).
+(`surrogate.contrib.load_path`).
 
 The paths are computed once and kept in ``load_paths/`` in the folder of the dataset, 100 samples a
 file. A killed computation is resumed with the next file. The changes of the loads depend on the row
@@ -12,7 +12,7 @@ of a sample and on the number of paths only, so that all trainings share the fil
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,14 +23,18 @@ from torch import Tensor
 from shared_schema.common.errors import InputError
 from shared_schema.common.memory import require_memory
 from shared_schema.common.progress import Progress
+from surrogate.contrib.load_path import follow, neighbours, random_changes
 from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.data.mirror import fields_with_mirror_images
 from surrogate.learning.data.samples import Samples
+from surrogate.learning.data.samples_on_disk import SamplesOnDisk
+from surrogate.learning.models.model import TrainedModel
 from surrogate.learning.networks.field_network import FieldNetwork
+from surrogate.learning.runs.split import TrainingSplit
+from surrogate.learning.training.data_parallel import Ranks
 from surrogate.learning.training.sample_store import SampleStore
 from surrogate.mechanics.body.elements_of_case import require_linear_elements
 from surrogate.mechanics.body.geometry import Geometry
-from surrogate.mechanics.equilibrium.load_path import follow, neighbours, random_changes
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from surrogate.runtime.seeds import PATHS, stream
 from surrogate.runtime.tensor_file import Tensors, load_tensors, save_atomically
@@ -107,6 +111,29 @@ class AlongPaths:
         moved = self._paths.chosen(rows, path).to(samples.force.device)
         displacement = samples.displacement + t * (moved.first + t * moved.second)
         return Samples(samples.force + t * moved.force, displacement)
+
+
+def along_load_paths(
+    config: TrainedModel, dataset: Dataset, split: TrainingSplit[Samples], ranks: Ranks
+) -> Callable[[SampleStore, FieldNetwork], AlongPaths]:
+    """Compute missing load paths of the training samples and read all; return who draws batches.
+
+    Collective.
+    """
+    count, mirrors = config.training.load_paths, config.training.mirrors
+    key = f"config '{config.name}': key 'training.load_paths'"
+
+    def compute() -> None:
+        if isinstance(dataset.training, SamplesOnDisk):
+            raise InputError(f"{key} = {count}: expected 0 of samples on disk")
+        require_path_memory(dataset, count, 2 ** len(mirrors) * len(split.train_rows), key)
+        compute_missing(dataset, split.train_rows, count)
+
+    ranks.from_first(compute)
+    paths = read_paths(dataset, split.train_rows, count)
+    key = f"config '{config.name}': key 'training.mirrors'"
+    paths = paths.with_mirror_images(dataset.geometry, mirrors, key)
+    return lambda store, network: AlongPaths(store, prepared_paths(paths, network))
 
 
 def prepared_paths(paths: SamplePaths, network: FieldNetwork) -> SamplePaths:

@@ -12,11 +12,11 @@ import torch
 
 from shared_schema.common.errors import InputError
 from surrogate.command_line import main
+from surrogate.contrib.refinement import Descent, refine
 from surrogate.learning.data.load_families import random_loads
 from surrogate.learning.inference.loading import load
 from surrogate.learning.runs.description import Refinement
 from surrogate.learning.runs.folder import RunFolder
-from surrogate.learning.training.refinement import Descent, refine
 
 REFINEMENT = Refinement(family="trained", steps=60, learning_rate=1e-3)
 OPTIONS: dict[str, Any] = {"steps": 60, "learning_rate": 1e-3, "device": "cpu"}

@@ -13,15 +13,15 @@ import torch
 from torch import Tensor
 
 from shared_schema.common.errors import InputError
-from surrogate.learning.baselines.pod import GaussianProcessConfig, PODNetwork, RidgeConfig
+from surrogate.contrib.pod import GaussianProcessConfig, PODNetwork, RidgeConfig
 from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.data.samples import Samples
 from surrogate.learning.evaluation.run_evaluation import evaluate
 from surrogate.learning.inference.loading import load
 from surrogate.learning.inference.surrogate import Surrogate
+from surrogate.learning.models.kinds import run_config
 from surrogate.learning.models.model import Model
 from surrogate.learning.models.training_config import SplitConfig
-from surrogate.learning.runs.config_reader import run_config
 from surrogate.learning.runs.folder import RunFolder
 from surrogate.learning.training.loop import train
 from surrogate.mechanics.equilibrium.linear_response import LinearResponse

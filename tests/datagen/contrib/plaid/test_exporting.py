@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from datagen.command_line import main
-from datagen.plaid_format import exporting
+from datagen.contrib.plaid import exporting
 from datagen.transforms.reindexing import nodal_forces_of, structure
 from shared_schema.common.errors import InputError
 from shared_schema.dataset_reader import DatasetReader

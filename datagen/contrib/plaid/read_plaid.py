@@ -6,7 +6,7 @@ It runs in an environment with pyplaid, and imports nothing of this project::
 
 INPUTS and OUTPUTS are the names of fields at the nodes, separated by commas; if empty,
 ``force_x,force_y`` and ``displacement_x,displacement_y``, in space with z. FOLDER gets
-``about.json`` and ``.npy`` files (see `datagen.plaid_format.importing`). What does not fit is
+``about.json`` and ``.npy`` files (see `datagen.contrib.plaid.importing`). What does not fit is
 printed, with exit code 3.
 """
 

@@ -1,0 +1,20 @@
+"""What few use, without a promise of stability; nothing else imports it (`surrogate.extensions`).
+
+=================================  ==============================================================
+`pod_model`, `pod`                 baselines: orthogonal modes with `ridge_regression`, or with a
+                                   `gaussian_process`; key `model: pod`
+`sample_paths`, `load_path`        samples along load paths; key `training.load_paths`
+`refinement`, `refine`             training without solutions, and its command
+`modal_fit`, `balance`             the cubature of an equilibrium in modes, and its command
+=================================  ==============================================================
+"""
+
+from typing import TYPE_CHECKING
+
+from shared_schema.common.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from surrogate.contrib.modal_fit import fit_balance
+
+__all__ = ["fit_balance"]
+__getattr__, __dir__ = lazy_names(__name__)

@@ -1,1 +1,0 @@
-"""Baselines for the networks: a linear map, and orthogonal modes with a regression."""
