@@ -41,7 +41,6 @@ from surrogate.mechanics.descent.fixed_directions import FixedDirections, requir
 from surrogate.mechanics.equilibrium.block_solve import BlockSolve
 from surrogate.mechanics.equilibrium.compliance import Compliance
 from surrogate.mechanics.equilibrium.linear_response import LinearResponse
-from surrogate.mechanics.matrices.factors import BandCholesky
 from surrogate.mechanics.series.series_response import SeriesResponse
 
 Format = Literal["onnx", "pt2"]
@@ -238,13 +237,13 @@ def _make_exportable(module: nn.Module) -> None:
     if not isinstance(module, LinearResponse):
         return
     compliance = module.compliance
-    if isinstance(compliance, Compliance) and compliance.factor is not None:
-        if not isinstance(compliance.factor, BandCholesky):
+    if isinstance(compliance, Compliance) and not len(compliance.matrix):
+        if compliance.equilibrium.layout.width is None:
             raise InputError(
-                f"the stiffness of {len(compliance.order)} degrees of freedom is too large for an "
+                f"the stiffness of {len(compliance.dofs)} degrees of freedom is too large for an "
                 "exported file, expected a smaller body"
             )
-        module.compliance = BlockSolve(compliance)
+        module.compliance = BlockSolve(compliance.equilibrium)
 
 
 def fixed_directions(surrogate: Surrogate, count: int) -> FixedDirections:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
 import torch
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from shared_schema.common.errors import InputError
 from surrogate.learning.runs.folder import RunFolder
@@ -27,7 +28,10 @@ def keep_columns(model: Surrogate, nodes: str | ArrayLike) -> None:
     inputs = compliance.inputs_at(model.geometry.nodes_of(nodes))
     columns = compliance.kept.keep(inputs)
     if model.folder is not None and not is_shelved(model.folder):
-        tensors = {INPUTS: torch.from_numpy(inputs), COLUMNS: torch.from_numpy(columns)}
+        dofs, place = by_component(model), np.zeros(model.geometry.coordinates.size, np.int64)
+        place[dofs] = np.arange(len(dofs))
+        found = {INPUTS: place[inputs], COLUMNS: columns[:, dofs]}
+        tensors = {name: torch.from_numpy(array) for name, array in found.items()}
         RunFolder(model.folder).write_columns(serialised(tensors))
 
 
@@ -38,9 +42,18 @@ def restore_columns(model: Surrogate, run: RunFolder) -> None:
     run.seal.require_intact(run.columns)
     tensors, _ = load_tensors(run.columns)
     try:
-        compliance_of(model).kept.keep(tensors[INPUTS].numpy(), tensors[COLUMNS].numpy())
+        dofs, known = by_component(model), tensors[COLUMNS].numpy()
+        columns = np.zeros((len(known), model.geometry.coordinates.size), known.dtype)
+        columns[:, dofs] = known
+        compliance_of(model).kept.keep(dofs[tensors[INPUTS].numpy()], columns)
     except (KeyError, IndexError, ValueError) as error:
         raise InputError(f"{run.columns}: does not fit {run.model.name} ({error})") from None
+
+
+def by_component(model: Surrogate) -> NDArray[np.int64]:
+    """Degrees of freedom of the nodes that can move, as files number them."""
+    free, d = np.flatnonzero(~model.geometry.clamped), model.geometry.dimension
+    return (free * d + np.arange(d)[:, None]).ravel()
 
 
 def compliance_of(model: Surrogate) -> Compliance:

@@ -94,7 +94,7 @@ class ReducedAtNodes:
     def _response(self, force: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return u₁ in m, (N, n_nodes · d), of forces in N."""
         if self.compliance is not None:
-            return self.compliance.respond_at_nodes(force).reshape(len(force), -1)
+            return self.compliance.respond(force).reshape(len(force), -1)
         flat = force.reshape(len(force), -1)
         found, left = np.empty_like(flat), []
         for number, load in enumerate(flat):

@@ -40,8 +40,8 @@ from surrogate.mechanics.compiled.cells import Cells
 from surrogate.mechanics.compiled.fields import Array as Values
 from surrogate.mechanics.compiled.fields import compiled
 from surrogate.mechanics.compiled.loops import add_forces_of, slopes_at
-from surrogate.mechanics.equilibrium.compliance import in_single_precision
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
+from surrogate.mechanics.matrices.factors import in_single_precision
 from surrogate.mechanics.matrices.layout import Layout
 
 Array = NDArray[np.float64]
@@ -60,8 +60,6 @@ class CarriedCompliance:
     def __init__(self, equilibrium: Equilibrium) -> None:
         self._equilibrium, solid, layout = equilibrium, equilibrium.solid, equilibrium.layout
         large = len(layout.dofs) > LARGE
-        factor = equilibrium.undeformed
-        self._factor = in_single_precision(factor, len(layout.dofs)) if large else factor
         gradients, volumes = solid.gradients.numpy(), solid.volumes.numpy()
         moduli = [material.lame_mu for material in solid.materials]
         parts = equilibrium.geometry.parts if len(moduli) > 1 else None
@@ -95,7 +93,7 @@ class CarriedCompliance:
     def linear_response(self, force: Array) -> Array:
         """K(0)⁻¹ f: (N, n_points, d) in N → same in m, in the precision of P."""
         precise = force.astype(self._metric.dtype)
-        return self._equilibrium.solved_by(self._factor, precise).astype(np.float64)
+        return self._equilibrium.linear_response(precise).astype(np.float64)
 
     def turned(self, u: Array, y: Array) -> Array:
         """T y of m fields at a state u, in m: (n_points, d) and (m, n_points, d) → the latter."""
@@ -131,7 +129,7 @@ class CarriedCompliance:
             return np.zeros_like(force) * unit
         s = self._poisson((force / unit).astype(f.dtype))
         back = self._of_cells(np.ascontiguousarray(f.swapaxes(1, 2)), s)
-        y = self._equilibrium.solved_by(self._factor, back[None])[0]
+        y = self._equilibrium.linear_response(back[None])[0]
         return self._poisson(self._of_cells(f, y)).astype(np.float64) * unit
 
     def _of_cells(self, f: Values, y: Values) -> Values:

@@ -128,7 +128,7 @@ class FixedDirections(nn.Module):
         """T K(0)⁻¹ Tᵀ r."""
         back = self.solid.slopes(self._poisson(r))
         force = self._forces(product(f.transpose(0, 1), back)) * self.free
-        slopes = self.solid.slopes(self.response.respond(force.mT).mT)
+        slopes = self.solid.slopes(self.response.compliance(force))
         return self._poisson(self._forces(product(f, slopes)))
 
     def _forces(self, stress: Tensor) -> Tensor:

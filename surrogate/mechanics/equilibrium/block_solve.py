@@ -15,19 +15,17 @@ as bring it below what is wanted.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 import numpy as np
 import torch
 from scipy.sparse import csr_array
 from torch import Tensor, nn
 
+from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from surrogate.mechanics.matrices.orders import band_order
 from surrogate.mechanics.matrices.sparse_products import SparseProduct
 from surrogate.runtime.cuda_graphs import Replayed
-
-if TYPE_CHECKING:
-    from surrogate.mechanics.equilibrium.compliance import Compliance
 
 MOST_REFINEMENTS = 5
 EPSILON = 2.0**-23
@@ -38,12 +36,12 @@ CPU = torch.device("cpu")
 
 
 class BlockSolve(nn.Module):
-    """Forces on the free nodes in N to displacements in m, as `Compliance`: (N, d · n_free) → same.
+    """Forces in N to displacements in m, as `Compliance`: (N, n_points, d) → same.
 
     Parameters
     ----------
-    compliance : Compliance
-        Its body. A factor of K is not needed.
+    equilibrium : Equilibrium
+        A factor of K(0) is not needed.
     device : torch.device
     accuracy : float
         Relative error of a response.
@@ -52,36 +50,28 @@ class BlockSolve(nn.Module):
 
     Attributes
     ----------
-    dofs : array of int, (n,)
-        Degrees of freedom, node · d + component, in the order of the blocks.
+    dofs : Tensor of int, (n,)
+        Degrees of freedom, point · d + component, in the order of the blocks.
     refinements : int
     """
 
-    free_nodes: Tensor
-    order: Tensor
-    place: Tensor
+    dofs: Tensor
 
     def __init__(
         self,
-        compliance: Compliance,
+        equilibrium: Equilibrium,
         device: torch.device = CPU,
         accuracy: float = EPSILON,
         least: int = 1,
     ) -> None:
         super().__init__()
-        geometry = compliance.equilibrium.geometry
-        self.dofs, size = band_order(geometry.coordinates, geometry.cells, geometry.held)
-        k, size = compliance.stiffness(self.dofs), max(size, least)
+        geometry = equilibrium.geometry
+        dofs, size = band_order(geometry.coordinates, geometry.cells, geometry.held)
+        k, size = equilibrium.stiffness(dofs), max(size, least)
         if device.type == "cuda":
             size = -(-size // ALIGNED) * ALIGNED
-        order = compliance.by_component(self.dofs)
-        places = np.full(compliance.size, len(order))  # that of a zero, if held
-        places[order] = np.arange(len(order))
-        self.starts = list(range(0, len(order), size))
-        free_nodes = compliance.free_nodes.to(device)
-        self.register_buffer("free_nodes", free_nodes, persistent=False)
-        self.register_buffer("order", torch.from_numpy(order).to(device), persistent=False)
-        self.register_buffer("place", torch.from_numpy(places).to(device), persistent=False)
+        self.starts = list(range(0, len(dofs), size))
+        self.register_buffer("dofs", torch.from_numpy(dofs).to(device), persistent=False)
         self.stiffness = SparseProduct(k, torch.float64).to(device)
         self.before, self.after = nn.ModuleList(), nn.ModuleList()
         schur = torch.zeros(0, 0)
@@ -101,8 +91,8 @@ class BlockSolve(nn.Module):
 
     def _needed(self, accuracy: float) -> int:
         """Number of refinements after which the next one changes a response too little."""
-        probes = np.random.default_rng(0).normal(size=(len(self.order), PROBES))
-        f = torch.from_numpy(probes).to(self.order.device)
+        probes = np.random.default_rng(0).normal(size=(len(self.dofs), PROBES))
+        f = torch.from_numpy(probes).to(self.dofs.device)
         x = self._eliminated(f)
         for count in range(MOST_REFINEMENTS):
             change = self._eliminated(f - self.stiffness(x))
@@ -113,10 +103,7 @@ class BlockSolve(nn.Module):
 
     def forward(self, force: Tensor) -> Tensor:
         """Respond."""
-        x = self.solve(force.double().T.index_select(0, self.order))
-        if len(self.place) > len(x):
-            x = torch.cat([x, x.new_zeros(1, x.shape[1])])
-        return x.index_select(0, self.place).T.to(force.dtype)
+        return at_dofs(force.double(), self.dofs, lambda f: self.solve(f.T).T).to(force.dtype)
 
     def solve(self, right: Tensor) -> Tensor:
         """K⁻¹ of columns at `dofs`, in double precision: (n, N) → same."""
@@ -150,6 +137,13 @@ class BlockSolve(nn.Module):
 
     def __deepcopy__(self, _: object) -> BlockSolve:
         return self  # nothing in it changes
+
+
+def at_dofs(force: Tensor, dofs: Tensor, solve: Callable[[Tensor], Tensor]) -> Tensor:
+    """Solve at some degrees of freedom, (N, n) → same, of fields (N, n_points, d) → same."""
+    flat = force.flatten(1)
+    found = solve(flat.index_select(1, dofs))
+    return torch.zeros_like(flat).index_copy(1, dofs, found).reshape(force.shape)
 
 
 def _congruent(matrix: Tensor, symmetric: Tensor) -> Tensor:

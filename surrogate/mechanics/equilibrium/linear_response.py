@@ -117,10 +117,8 @@ class LinearResponse(nn.Module):
 
     def respond(self, forces: Tensor) -> Tensor:
         """K⁻¹ f, zero at clamped nodes: (N, d, n_nodes) → same."""
-        free = self.compliance.free_nodes
-        at_free = forces.index_select(2, free)
-        u = self.compliance(at_free.flatten(1)).reshape(at_free.shape)
-        return u.new_zeros(forces.shape).index_copy(2, free, u)
+        response: Tensor = self.compliance(forces.mT)
+        return response.mT
 
     def on_grid(self, nodal: Tensor) -> tuple[Tensor, Tensor]:
         """Return what `forward` does, of a response at the nodes: (N, d, n_nodes)."""

@@ -29,6 +29,7 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from shared_schema.common.bodies.force_tolerance import RoundOff, mean_edge
 from shared_schema.common.bodies.imperfection import imperfection
@@ -40,7 +41,7 @@ from surrogate.mechanics.equilibrium import quadratic
 from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
 from surrogate.mechanics.equilibrium.newton_steps import NewtonSteps, norms
 from surrogate.mechanics.equilibrium.tool_springs import ToolSprings
-from surrogate.mechanics.matrices.factors import Factor, SymmetricFactor
+from surrogate.mechanics.matrices.factors import Factor, SymmetricFactor, in_single_precision
 from surrogate.mechanics.matrices.layout import Layout
 from surrogate.mechanics.matrices.saddle_point import saddle_point_layout
 from surrogate.mechanics.solids.mean_dilation import MeanDilationSolid
@@ -334,10 +335,10 @@ class Equilibrium:
         residual[(self.inverted(u) > 0) | ~np.isfinite(residual).all((1, 2))] = np.nan
         return residual
 
-    def linear_response(self, f: Array) -> Array:
-        """K(0)⁻¹ f in m, (N, n_nodes, d), of a factorisation that is kept."""
+    def linear_response(self, f: NDArray[Any]) -> NDArray[Any]:
+        """K(0)⁻¹ f in m, (N, n_nodes, d), by a factor of the precision of f, which is kept."""
         require_time()
-        return self.solved_by(self.undeformed, f)
+        return self.solved_by(self.rough if f.dtype == np.float32 else self.undeformed, f)
 
     def response_at(self, u: Array) -> Callable[[Array], Array] | None:
         """K(u)⁻¹ of a single displacement (n_nodes, d); None if K is not positive definite.
@@ -373,6 +374,17 @@ class Equilibrium:
         if factor is None:
             raise ValueError("the stiffness of the body is singular; supports are missing")
         return factor
+
+    @cached_property
+    def rough(self) -> SymmetricFactor:
+        """The factor of K(0) for forces in single precision."""
+        return in_single_precision(self.undeformed, len(self.layout.dofs))
+
+    def stiffness(self, dofs: NDArray[np.int64]) -> csr_array:
+        """K(0) in N/m, (n_dofs, n_dofs), in some order of the degrees of freedom."""
+        rows = np.zeros(self._size, np.int64)
+        rows[self.layout.dofs] = np.arange(len(self.layout.dofs))
+        return csr_array(self.layout.matrix(self._at_rest)[rows[dofs]][:, rows[dofs]])
 
     @cached_property
     def round_off(self) -> RoundOff:

@@ -63,7 +63,7 @@ class SeriesResponse(LinearResponse):
         assert isinstance(compliance, Compliance)
         self.precision = torch.float64 if len(compliance.matrix) else torch.float32
         self.order, self.equilibrium = order, compliance.equilibrium
-        responses = self._respond_at_points, compliance.respond_at_nodes
+        responses = self._respond_at_points, compliance.respond
         self.series = BodySeries(self.equilibrium, order, *responses, self.precision)
         self.on_points: WeightedSums | None = None
         if geometry.has_points_between:
@@ -116,7 +116,8 @@ class SeriesResponse(LinearResponse):
 
     def _respond_at_points(self, forces: Tensor) -> Tensor:
         """K⁻¹ f, (N, n_points, d)."""
-        return self.respond(forces.to(self.precision).mT).mT
+        response: Tensor = self.compliance(forces.to(self.precision))
+        return response
 
 
 class PressedLoads(torch.nn.Module):

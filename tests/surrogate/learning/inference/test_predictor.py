@@ -18,7 +18,8 @@ from surrogate.learning.inference.surrogate import Surrogate
 from surrogate.learning.models.kinds import run_config
 from surrogate.learning.models.model import Model
 from surrogate.learning.runs.description import describe
-from surrogate.mechanics.equilibrium.compliance import CLOSE, Compliance
+from surrogate.mechanics.equilibrium.compliance import Compliance
+from surrogate.mechanics.matrices.factors import CLOSE
 from surrogate.mechanics.series import body_series, small_series
 from surrogate.mechanics.series.series_response import SeriesResponse
 from surrogate.mechanics.series.small_series import SmallSeries

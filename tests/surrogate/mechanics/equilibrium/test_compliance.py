@@ -13,16 +13,17 @@ from surrogate.mechanics.equilibrium import compliance, kept_responses
 from surrogate.mechanics.equilibrium.block_solve import BlockSolve
 from surrogate.mechanics.equilibrium.compliance import Compliance
 from surrogate.mechanics.equilibrium.kept_responses import KeptResponses
+from surrogate.mechanics.matrices import factors
 from surrogate.mechanics.matrices.factors import BandCholesky
 from tests.surrogate.plane_strain import plane_strain_stiffness
 
 
 @pytest.fixture(scope="module")
 def inverse(dataset: Dataset) -> np.ndarray:
-    """K⁻¹ of the free degrees of freedom, component by component."""
-    free = np.flatnonzero(~dataset.geometry.clamped)
-    dofs = (2 * free + np.arange(2)[:, None]).ravel()
-    result: np.ndarray = np.linalg.inv(plane_strain_stiffness(dataset.geometry)[np.ix_(dofs, dofs)])
+    """K⁻¹ at all nodes, zero where they are held: (n_nodes · d, n_nodes · d)."""
+    dofs = np.flatnonzero(dataset.geometry.free)
+    result, k = np.zeros((dataset.geometry.coordinates.size,) * 2), np.ix_(dofs, dofs)
+    result[k] = np.linalg.inv(plane_strain_stiffness(dataset.geometry)[k])
     return result
 
 
@@ -33,13 +34,19 @@ def large(dataset: Dataset, monkeypatch: pytest.MonkeyPatch) -> Compliance:
     return Compliance(dataset.geometry, dataset.material)
 
 
-def loads(n: int, samples: int, loaded: int) -> np.ndarray:
-    """Random forces on a few random degrees of freedom of every sample."""
-    rng = np.random.default_rng(0)
-    force = np.zeros((samples, n), dtype=np.float32)
+def loads(body: Compliance, samples: int, loaded: int | None = None) -> np.ndarray:
+    """Random forces on a few random components of every sample, or on all: (samples, n, d)."""
+    rng, free = np.random.default_rng(0), body.equilibrium.layout.dofs
+    count = len(free) if loaded is None else loaded
+    force = np.zeros((samples, body.equilibrium.free.size), dtype=np.float32)
     for row in force:
-        row[rng.choice(n, loaded, replace=False)] = rng.normal(size=loaded)
-    return force
+        row[rng.choice(free, count, replace=False)] = rng.normal(size=count)
+    return force.reshape(samples, -1, 2)
+
+
+def answers(force: np.ndarray, inverse: np.ndarray) -> np.ndarray:
+    result: np.ndarray = (force.reshape(len(force), -1) @ inverse).reshape(force.shape)
+    return result
 
 
 def assert_close(found: torch.Tensor, expected: np.ndarray) -> None:
@@ -48,19 +55,18 @@ def assert_close(found: torch.Tensor, expected: np.ndarray) -> None:
 
 def test_dense_matrix_of_a_small_body(dataset: Dataset, inverse: np.ndarray) -> None:
     small = Compliance(dataset.geometry, dataset.material)
-    assert_close(small.matrix, inverse)
-    assert small.factor is None
-    force = loads(small.size, 5, small.size)
-    assert_close(small(torch.from_numpy(force)), force @ inverse)
+    dofs = small.dofs.numpy()
+    assert_close(small.matrix, inverse[np.ix_(dofs, dofs)])
+    force = loads(small, 5)
+    assert_close(small(torch.from_numpy(force)), answers(force, inverse))
 
 
 def test_block_elimination_of_an_exported_file(large: Compliance, inverse: np.ndarray) -> None:
     """In single precision; its refinements make it as accurate as the factor."""
-    assert large.factor is not None
-    solve = BlockSolve(large)
+    solve = BlockSolve(large.equilibrium)
     assert len(solve.starts) > 2
-    force = loads(large.size, 3, 5)
-    expected = force @ inverse
+    force = loads(large, 3, 5)
+    expected = answers(force, inverse)
     found = solve(torch.from_numpy(force).double())
     np.testing.assert_allclose(found.numpy(), expected, atol=1e-10 * np.abs(expected).max())
 
@@ -69,9 +75,9 @@ def test_block_elimination_of_an_exported_file(large: Compliance, inverse: np.nd
 def test_a_large_body_responds_by_columns_or_solves(
     large: Compliance, inverse: np.ndarray, samples: int, loaded: int
 ) -> None:
-    force = loads(large.size, samples, loaded)
+    force = loads(large, samples, loaded)
     for _ in range(2):  # the second time from the columns that are kept
-        assert_close(large(torch.from_numpy(force)), force @ inverse)
+        assert_close(large(torch.from_numpy(force)), answers(force, inverse))
 
 
 @pytest.mark.parametrize("dense", [0, 10**6])
@@ -82,37 +88,35 @@ def test_one_load_at_all_nodes(
     monkeypatch.setattr(compliance, "DENSE", dense)
     found = Compliance(dataset.geometry, dataset.material)
     force = np.random.default_rng(0).normal(size=dataset.geometry.coordinates.shape)
-    free = ~dataset.geometry.clamped
-    expected = np.zeros_like(force)
-    expected[free] = (force[free].T.ravel() @ inverse).reshape(2, -1).T
+    expected = answers(force[None], inverse)[0]
     for dtype in (np.float32, np.float64):
-        u = found.respond_at_nodes(force[None].astype(dtype))[0]
+        u = found.respond(force[None].astype(dtype))[0]
         np.testing.assert_allclose(u, expected, atol=1e-6 * np.abs(expected).max())
 
 
 def test_single_precision_only_where_it_suffices(
     large: Compliance, dataset: Dataset, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert isinstance(large.quick, BandCholesky)
-    assert large.quick.factor.dtype == np.float32
+    assert isinstance(large.equilibrium.rough, BandCholesky)
+    assert large.equilibrium.rough.factor.dtype == np.float32
     monkeypatch.setattr(compliance, "DENSE", 0)
-    monkeypatch.setattr(compliance, "CLOSE", 1e-12)  # as if the body were slender
+    monkeypatch.setattr(factors, "CLOSE", 1e-12)  # as if the body were slender
     careful = Compliance(dataset.geometry, dataset.material)
-    assert careful.quick is careful.factor
-    force = loads(careful.size, 40, careful.size)
+    assert careful.equilibrium.rough is careful.equilibrium.undeformed
+    force = loads(careful, 40)
     np.testing.assert_allclose(careful.solve(force), large.solve(force), rtol=0, atol=1e-5)
 
 
 def test_columns_are_solved_for_once(
     large: Compliance, inverse: np.ndarray, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    dofs, weights = np.array([3, 20]), np.array([2, -1], np.float32)
+    dofs, weights = large.dofs[[3, 20]].numpy(), np.array([2, -1], np.float32)
     found = large.kept.sum_of(dofs, weights)
     np.testing.assert_allclose(found, weights @ inverse[dofs], rtol=1e-4, atol=1e-6)
     monkeypatch.setattr(large.kept, "respond", None)
     np.testing.assert_array_equal(large.kept.sum_of(dofs[::-1], weights[::-1]), found)
     with pytest.raises(TypeError):
-        large.kept.sum_of(np.array([4]), weights[:1])
+        large.kept.sum_of(large.dofs[4:5].numpy(), weights[:1])
 
 
 def test_body_forces_cost_no_solve(
@@ -124,13 +128,13 @@ def test_body_forces_cost_no_solve(
     touched = np.zeros_like(weight)
     touched[(~dataset.geometry.clamped).nonzero()[0][3]] = 0.4, 0.2
     force = np.stack([weight, weight + touched, touched])
-    expected = large.respond_at_nodes(force)
+    expected = large.respond(force)
     for _ in range(2):
-        found = large.respond_at_nodes(force.astype(np.float32))
+        found = large.respond(force.astype(np.float32))
         np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
         monkeypatch.setattr(large, "solve", None)
     with pytest.raises(TypeError):
-        large.respond_at_nodes((weight * x).astype(np.float32)[None])
+        large.respond((weight * x).astype(np.float32)[None])
 
 
 def test_columns_are_forgotten_where_there_is_no_room(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -168,8 +172,8 @@ def test_columns_are_forgotten_where_there_is_no_room(monkeypatch: pytest.Monkey
 def test_derivative_of_the_response_is_the_response_to_gradients(
     large: Compliance, inverse: np.ndarray
 ) -> None:
-    force = torch.from_numpy(loads(large.size, 2, 4)).requires_grad_()
-    weights = torch.from_numpy(loads(large.size, 2, large.size))
+    force = torch.from_numpy(loads(large, 2, 4)).requires_grad_()
+    weights = torch.from_numpy(loads(large, 2))
     (large(force) * weights).sum().backward()
     assert force.grad is not None
-    assert_close(force.grad, weights.numpy() @ inverse)
+    assert_close(force.grad, answers(weights.numpy(), inverse))
