@@ -32,7 +32,8 @@ PLACES = (  # old and new package, and the rooms and modules that have moved
     ("surrogate.runs", "surrogate.runtime", "tensor_file"),
     ("surrogate.series", "surrogate.learning.data", "terms_on_grid"),
     ("surrogate.data", "surrogate.mechanics.body", "geometry elements_of_case free_components"),
-    ("surrogate.inference", "surrogate.mechanics.body", "body given_load stiffness"),
+    ("surrogate.inference", "surrogate.mechanics.statics", "body"),
+    ("surrogate.inference", "surrogate.mechanics.body", "stiffness"),
     (
         "surrogate.mechanics",
         "surrogate.mechanics.equilibrium",
@@ -40,7 +41,10 @@ PLACES = (  # old and new package, and the rooms and modules that have moved
         "newton_steps nodal_gradient out_of_balance quadratic stresses tool_springs",
     ),
 )
-MOVED = {f"{old}.{name}": f"{new}.{name}" for old, new, names in PLACES for name in names.split()}
+MOVED = {
+    "surrogate.inference.given_load": "surrogate.mechanics.statics.load",
+    **{f"{old}.{name}": f"{new}.{name}" for old, new, names in PLACES for name in names.split()},
+}
 
 
 def new_path(name: str) -> str | None:

@@ -57,7 +57,7 @@ def measure(options: argparse.Namespace) -> Results:
         draw(options.figure, found, reference)
     return {
         "case": dataset.manifest.name,
-        "degrees_of_freedom": int(model.equilibrium.free.sum()),
+        "degrees_of_freedom": int(model.body.equilibrium.free.sum()),
         "samples": len(force),
         "milliseconds": 1e3 * seconds / len(force),
         "estimate": found.measures(),

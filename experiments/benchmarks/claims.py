@@ -37,6 +37,7 @@ from experiments.framework.report import table_of
 from shared_schema.common import Parser, WorkError
 from surrogate.mechanics.certify import iterated
 from surrogate.mechanics.descent import Aim
+from surrogate.mechanics.statics.load import Load
 
 Array = NDArray[np.float64]
 NETWORKS = ["beam2d_any:1000", "lshape2d_any:1000", "breast3d:100"]
@@ -53,7 +54,7 @@ def claim(model: surrogate.Surrogate, loads: SuspectLoads, number: int, seed: in
     mean, (last,) = model.predictor.respond(force)
     is_early = number // len(KINDS) % 2 == 0
     aim, last_term = Aim(TOLERANCE), float(last) if is_early else np.inf
-    u, found = model.body.descend(force, None, mean, aim, last_term)
+    u, found = model.body.descend(Load(force), mean, aim, last_term)
     row: Row = {"kind": kind, "seconds": time.process_time() - begun}
     row |= {"reached": bool(found.reached), "stable": found.stable}
     return row | ({"error": error(model, force, u)} if found.reached else {})
@@ -80,7 +81,7 @@ def apart(u: Array, truth: Array | None) -> float:
 
 def equilibrium(model: surrogate.Surrogate, force: Array, u: Array, steps: int) -> Array | None:
     """The equilibrium that Newton's method reaches from u, or by load steps from rest."""
-    body = model.equilibrium
+    body = model.body.equilibrium
     f = body.forces_at_points(force[None])
     found = np.zeros_like(f) if steps else body.at_points(u[None], f)
     try:

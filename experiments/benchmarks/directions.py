@@ -44,6 +44,7 @@ from shared_schema.common import Parser, WorkError
 from surrogate.learning.inference import drawn_loads, separated
 from surrogate.learning.measures import node_errors
 from surrogate.mechanics.descent import Aim
+from surrogate.mechanics.statics.load import Load
 
 Array = NDArray[np.float64]
 NETWORKS = ["beam3d_any:400", "finger3d:20", "beam2d_any:800", "lshape2d_any:800"]
@@ -63,19 +64,19 @@ def judged(model: surrogate.Surrogate, number: int, seed: int) -> Row:
     """
     geometry = model.geometry
     force = drawn_loads(model, 1, np.random.default_rng([seed, number]))
-    dead, follows = separated(geometry, force)
+    load = Load(*separated(geometry, force))[0]
     work = partial(model.predictor.respond, force[0])
     (plain, last), taken = timed(work, time.process_time)
     driven, seconds, directions, reached = [plain], [taken], [0], [False]
     for tolerance in TOLERANCES:
         aim = Aim(tolerance)
-        goes_on = partial(model.body.descend, dead[0], follows, plain, aim, float(last[0]))
+        goes_on = partial(model.body.descend, load, plain, aim, float(last[0]))
         (displacement, descent), more = timed(goes_on, time.process_time)
         driven.append(displacement)
         seconds.append(taken + more)
         directions.append(descent.directions)
         reached.append(bool(descent.reached))
-    pressure = None if follows is None else follows.pressures[0]
+    pressure = None if load.pressure is None else load.pressure.pressures[0]
     try:
         truth = model.correct(force[0], driven[-1], pressure=pressure).displacement
     except WorkError:
@@ -97,8 +98,8 @@ def compare(name: str, count: int, seed: int, kept: Path | None = None) -> Resul
     """Compare the ways on the loads of one network."""
     model = surrogate.load(name)
     force = drawn_loads(model, 1, np.random.default_rng([seed, 0]))
-    dead, follows = separated(model.geometry, force)
-    model.body.descend(dead[0], follows, model.predict(force[0]), Aim(TOLERANCES[-1]))  # compiles
+    load = Load(*separated(model.geometry, force))[0]
+    model.body.descend(load, model.predict(force[0]), Aim(TOLERANCES[-1]))  # compiles
 
     def said(number: int) -> Row:
         row = judged(model, number, seed)

@@ -30,7 +30,7 @@ class SuspectLoads:
 
     def __init__(self, model: Surrogate) -> None:
         geometry = model.geometry
-        self._model, self._body, self._x = model, model.equilibrium, geometry.coordinates
+        self._model, self._body, self._x = model, model.body.equilibrium, geometry.coordinates
         self._known: dict[bytes, float] = {}
         usual = drawn_loads(model, DRAWN, np.random.default_rng(0))
         self._size = float(np.linalg.norm(usual, axis=2).sum(axis=1).mean())

@@ -94,7 +94,7 @@ def estimate_table(resources: Resources, found: dict[str, Certified]) -> Table:
     for run, one in found.items():
         measures = one.measures()
         percentiles = measures["effectivity_percentiles"]
-        force, u, equilibrium = one.force[:20], one.predicted[:20], one.surrogate.equilibrium
+        force, u, equilibrium = one.force[:20], one.predicted[:20], one.surrogate.body.equilibrium
         seconds = median_seconds(lambda: certify(equilibrium, force, u), resources.scale.timing)  # noqa: B023
         rows.append(
             (
@@ -267,7 +267,9 @@ def start_table(resources: Resources, found: dict[str, Certified]) -> Table:
             continue
         seen.add(case)
         count = SOLVED[one.dimension]
-        efforts = newton_starts(one.surrogate.equilibrium, one.force[:count], one.predicted[:count])
+        efforts = newton_starts(
+            one.surrogate.body.equilibrium, one.force[:count], one.predicted[:count]
+        )
         for name, effort in efforts.items():
             rows.append(
                 (

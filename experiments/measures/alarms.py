@@ -74,7 +74,7 @@ def judge(
     """
     predicted = surrogate.averaged_passes(force, passes)
     u = predicted.mean
-    body = equilibrium or surrogate.equilibrium
+    body = equilibrium or surrogate.body.equilibrium
     found = certify(body, force, u)
     scores = {
         "estimated error over displacement": found.relative_error,

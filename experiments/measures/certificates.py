@@ -78,7 +78,7 @@ def certified(surrogate: Surrogate, force: Array, truth: Array, predicted: Array
     force, truth, predicted : array, (N, n_nodes, d)
         Loads in N; solutions of a dataset and predictions in m.
     """
-    body = surrogate.equilibrium
+    body = surrogate.body.equilibrium
     settled = np.stack(
         [correct(body, f, u, SETTLED).displacement for f, u in zip(force, truth, strict=True)]
     )

@@ -43,7 +43,7 @@ def prediction_seconds(
     predict = prediction(surrogate, force, passes)
 
     def predict_anew() -> None:
-        surrogate.passes.forget()
+        surrogate.predictor.passes.forget()
         predict()
 
     return median_seconds(predict_anew if drawn_anew else predict, timing)
@@ -63,7 +63,7 @@ def by_pytorch(model: Surrogate) -> Predict:
     @torch.inference_mode()
     def predict(force: Array) -> Array:
         single = torch.from_numpy(force.astype(np.float32)).to(device)
-        mean = model.nodal_network(single).mean.mean(dim=0)
+        mean = model.predictor.network(single).mean.mean(dim=0)
         return np.asarray(mean.double().cpu().numpy())
 
     return predict
@@ -71,12 +71,12 @@ def by_pytorch(model: Surrogate) -> Predict:
 
 def by_compiling(model: Surrogate, passes: int | None, force: Array) -> Work:
     """Make a function that predicts with the network compiled by `torch.compile`."""
-    function = NodalFunction(model.nodal_network, passes)
+    function = NodalFunction(model.predictor.network, passes)
     device = model.network.free.device
     if passes is None:
-        model.passes.forget()
+        model.predictor.passes.forget()
     else:
-        model.passes.fix(0, range(passes))
+        model.predictor.passes.fix(0, range(passes))
     fast = torch.compile(function, mode="reduce-overhead" if device.type == "cuda" else "default")
     single = force.astype(np.float32)
 

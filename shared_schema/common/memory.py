@@ -19,7 +19,7 @@ def available_memory() -> float:
     return min(_of_machine(), _of_container(), _of_process())
 
 
-def require_memory(needed: float, what: str) -> None:
+def require_memory(needed: float, what: str, argument: str = "") -> None:
     """Raise InputError if something needs more memory than there is.
 
     Parameters
@@ -27,13 +27,16 @@ def require_memory(needed: float, what: str) -> None:
     needed : float
         Estimate in bytes, from below rather than from above.
     what : str
-        What needs it, with the key or option that says so.
+        What needs it, with the key or argument that says so.
+    argument : str
+        Name of the argument in Python with which that begins, if it does.
     """
     available = available_memory()
     if needed > available:
         raise InputError(
             f"{what}: needs {needed / GIB:.3g} GiB of memory at least, expected at most the "
-            f"{available / GIB:.3g} GiB that are free"
+            f"{available / GIB:.3g} GiB that are free",
+            argument,
         )
 
 

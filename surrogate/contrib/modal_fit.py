@@ -51,7 +51,7 @@ def fit_balance(
     for name, value in (("points", points), ("loads", loads)):
         if value < 1:
             raise InputError(f"--{name} {value}: expected 1 at least")
-    solid, modes, rng = surrogate.equilibrium.solid, modes_of(surrogate), _random(seed)
+    solid, modes, rng = surrogate.body.equilibrium.solid, modes_of(surrogate), _random(seed)
     volumes = solid.volumes.numpy()
     per_cell = volumes.shape[1]
     count = min(volumes.size, CANDIDATES)
@@ -112,7 +112,8 @@ def _predicted(surrogate: Surrogate, forces: Array) -> tuple[Array, Array]:
     field = surrogate.network
     network = field.network
     assert isinstance(network, ReducedNetwork)
-    grid = surrogate.nodal_network.on_grid(torch.from_numpy(forces).float().to(field.free.device))
+    given = torch.from_numpy(forces).float().to(field.free.device)
+    grid = surrogate.predictor.network.on_grid(given)
     scaled = grid / field.force_scale
     unit = field.force_scale * field.displacement_scale.flatten()[0]
     work = scaled.flatten(2)[:, :, network.points].flatten(1) @ network.modes.T * unit

@@ -166,7 +166,7 @@ class Descent:
         """Add the gradients of one batch to the weights; return L, without inverted load cases."""
         forces = self.family.draw(count, np.random.default_rng(stream(self.seed, REFINEMENT, step)))
         given = torch.from_numpy(forces.astype(np.float32)).to(surrogate.network.free.device)
-        predicted = surrogate.nodal_network(given).mean  # (members, N, n_nodes, d)
+        predicted = surrogate.predictor.network(given).mean  # (members, N, n_nodes, d)
         members = [self.gradient(u, forces) for u in predicted.detach().double().cpu().numpy()]
         gradient = np.stack([slope for slope, _ in members]).astype(np.float32)
         towards = torch.from_numpy(gradient).to(predicted) / count

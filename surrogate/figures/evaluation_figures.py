@@ -17,6 +17,7 @@ from surrogate.figures.stress_figures import von_mises_beside_reference
 from surrogate.figures.sweep_curves import sweep_curves
 from surrogate.learning.measures.error_metrics import displacement_at_load, sample_errors
 from surrogate.learning.probabilistic.calibration import CalibrationMeasures
+from surrogate.mechanics.statics.load import Load
 
 if TYPE_CHECKING:
     from surrogate.learning.evaluation.run_evaluation import Evaluation
@@ -52,9 +53,8 @@ def _error_figures(evaluation: Evaluation, title: str) -> Drawings:
     force = evaluation.force[example]
 
     def von_mises() -> Figure:
-        (dead, pressure), one = evaluation.acting, slice(example, example + 1)
-        load = dead[one], None if pressure is None else pressure[one]
-        both = (evaluation.surrogate.body.stresses_under(*load, u) for u in (predicted, reference))
+        load, body = Load(*evaluation.acting)[example], evaluation.surrogate.body
+        both = (body.stresses_under(load, u) for u in (predicted, reference))
         ours, theirs = (fields["von_mises"][0] for fields in both)
         return von_mises_beside_reference(geometry, predicted, reference, (ours, theirs))
 

@@ -87,7 +87,7 @@ def mechanics_of(surrogate: Surrogate) -> Mechanics:
     arrays: Arrays = {}
     band = 0
     try:
-        equilibrium = surrogate.equilibrium
+        equilibrium = surrogate.body.equilibrium
     except InputError:
         if alone:
             raise
@@ -100,7 +100,7 @@ def mechanics_of(surrogate: Surrogate) -> Mechanics:
             body, arrays, band = None, {}, entries if alone else 0
     if responds and not alone and not band:
         own = equilibrium_of_response(surrogate)
-        if body is None or own is not surrogate.equilibrium:
+        if body is None or own is not surrogate.body.equilibrium:
             response, of_response = body_data(own)
             entries = band_entries(own, of_response["order"])
             band = entries if entries > BAND else 0
@@ -124,11 +124,11 @@ def equilibrium_of_response(surrogate: Surrogate) -> Equilibrium:
     """The body of a network's linear response; that of the finite elements itself if equal."""
     data, run = surrogate.description.data, surrogate.description.run
     if run.has_own_series and not surrogate.description.has_series_of_before:
-        return surrogate.equilibrium
+        return surrogate.body.equilibrium
     series = run.has_series
     geometry, material = body_of_response(surrogate.geometry, data.material, data.case, series)
     if geometry is surrogate.geometry and material is data.material:
-        return surrogate.equilibrium
+        return surrogate.body.equilibrium
     return Equilibrium(geometry, material)
 
 

@@ -77,7 +77,7 @@ class SurfaceNetwork(nn.Module):
 
     def __init__(self, surrogate: Surrogate, units: NDArray[np.float64], nodes: Integers) -> None:
         super().__init__()
-        network, nodal = surrogate.network, surrogate.nodal_network
+        network, nodal = surrogate.network, surrogate.predictor.network
         reduced = network.network
         assert isinstance(reduced, ReducedNetwork)
         self.reduced, self.d = reduced, units.shape[2]

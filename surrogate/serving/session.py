@@ -40,7 +40,7 @@ from numpy.typing import NDArray
 from shared_schema.common.errors import InputError, WorkError
 from shared_schema.tools import Mesh, Tool, parse_tool
 from surrogate.learning.inference.surrogate import Surrogate
-from surrogate.mechanics.body.given_load import given_load
+from surrogate.mechanics.statics.load import given_load
 from surrogate.mechanics.touch import Grip, Touch
 from surrogate.runtime.time_limit import OutOfTimeError, TimeLimit
 

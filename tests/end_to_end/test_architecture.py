@@ -61,6 +61,7 @@ LAYERS = {  # packages and root modules; imports go downwards, or anywhere insid
         ["mechanics.equilibrium"],
         ["mechanics.series", "mechanics.descent"],
         ["mechanics.certify", "mechanics.modal_equilibrium"],
+        ["mechanics.statics"],
         ["mechanics.touch"],
         ["mechanics.identification"],
         ["learning.data", "learning.probabilistic"],
@@ -81,12 +82,6 @@ STOREYS = {"surrogate.mechanics", "surrogate.learning"}  # packages of rooms
 APART = {  # packages, and rooms that they never import
     "surrogate/mechanics": {"learning", "figures", "page", "serving", "commands"},
     "surrogate/learning": {"page", "serving", "commands"},
-}
-MOVING = {  # files whose imports go upward until their rooms are in order
-    "surrogate.mechanics.body.body",
-    "surrogate.mechanics.body.given_load",
-    "surrogate.mechanics.body.stiffness",
-    "surrogate.mechanics.identification.identification",
 }
 
 
@@ -174,8 +169,7 @@ def rooms_of(program: str) -> dict[str, set[str]]:
         if name.startswith(f"{program}.") and name not in STOREYS:
             inside = {room_of(each) for each in found if each.startswith(f"{program}.")}
             rooms.setdefault(room_of(name), set())
-            if name not in MOVING:
-                rooms[room_of(name)] |= inside - {room_of(name)}
+            rooms[room_of(name)] |= inside - {room_of(name)}
     return rooms
 
 
@@ -197,7 +191,7 @@ def test_no_circles_of_rooms(program: str) -> None:
 
 def test_no_circles_of_files() -> None:
     """All imports count, wherever they stand, but those for type checkers only."""
-    TopologicalSorter({n: found for n, found in IMPORTS.items() if n not in MOVING}).prepare()
+    TopologicalSorter(IMPORTS).prepare()
 
 
 @pytest.mark.parametrize("storey", sorted(APART))
@@ -206,7 +200,7 @@ def test_a_storey_knows_nothing_of_what_is_above(storey: str) -> None:
         name = name_of(path)
         found = {each for each in IMPORTS[name] if each.startswith("surrogate.")}
         above = {each for each in found if each.split(".")[1] in APART[storey]}
-        assert not above or name in MOVING, f"{name} imports {sorted(above)}"
+        assert not above, f"{name} imports {sorted(above)}"
 
 
 def test_nothing_imports_contrib() -> None:

@@ -14,7 +14,7 @@ import torch
 from numpy.typing import NDArray
 
 import surrogate
-from surrogate.mechanics.body.given_load import given_load
+from surrogate.mechanics.statics.load import given_load
 from tests.end_to_end.commands import DATAGEN, ROOT, SURROGATE, execute
 from tests.end_to_end.matrix import (
     ACTING,

@@ -11,7 +11,7 @@ import torch
 import yaml
 
 import surrogate
-from surrogate.mechanics.body.given_load import checked_pressure
+from surrogate.mechanics.statics.load import checked_pressure
 from tests.end_to_end.commands import DATAGEN, SURROGATE, execute
 
 

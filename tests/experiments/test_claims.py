@@ -15,8 +15,8 @@ from experiments.benchmarks import claims
 from experiments.benchmarks.benchmark import stored_record
 from experiments.benchmarks.suspect_loads import KINDS, SuspectLoads, critical_factor
 from surrogate.mechanics import Equilibrium
-from surrogate.mechanics.body.body import Body
 from surrogate.mechanics.descent import Descent
+from surrogate.mechanics.statics.body import Body
 from tests.surrogate.mechanics.bodies import MATERIAL
 from tests.surrogate.mechanics.descent.test_claims import grid
 

@@ -7,8 +7,7 @@ from typing import Any
 
 from shared_schema.manifest import ComponentStatistics
 from surrogate.learning.data.load_range import LoadRange
-from surrogate.learning.inference.loading import make_surrogate
-from surrogate.learning.inference.surrogate import Surrogate
+from surrogate.learning.inference.surrogate import Surrogate, make_surrogate
 from surrogate.learning.runs.description import RunDescription
 from surrogate.learning.runs.folder import RunFolder
 from surrogate.learning.runs.shelf import find_run

@@ -23,7 +23,6 @@ from shared_schema.tools import Sphere
 from surrogate.learning.inference.training_range import TrainingRange
 from surrogate.learning.models.kinds import run_config
 from surrogate.learning.probabilistic.distribution import Distribution
-from surrogate.mechanics.body.body import Body
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.certify import (
     Bounds,
@@ -35,6 +34,8 @@ from surrogate.mechanics.certify import (
 )
 from surrogate.mechanics.descent import Descent
 from surrogate.mechanics.descent.aim import Aim
+from surrogate.mechanics.statics.body import Body
+from surrogate.mechanics.statics.load import Load
 from tests.aliasing import public_functions, public_names, require_no_aliases
 
 Array = NDArray[np.float64]
@@ -173,7 +174,7 @@ def tool(given: Given, lower: float = 0.0) -> Sphere:
 
 Call = Callable[[World, Given], Any]
 OF_BODIES = ["balanced", "equilibrium", "is_small", "material", "units"]
-OF_MODELS = ["equilibrium", "fast_certificate", "fast_estimate", "nodal_network", "passes"]
+OF_MODELS = ["fast_certificate", "fast_estimate"]
 OF_MODELS += ["bounds_of_components", "has_series", "is_probabilistic", "is_stochastic"]
 OF_MODELS += ["precision", "run"]
 OF_GEOMETRIES = ["dimension", "free", "free_mask", "held", "loaded_body", "movable", "no_pressure"]
@@ -249,33 +250,31 @@ CALLS: dict[str, Call] = {
         w.model.stresses(g["displacements"]),
     ],
     "Surrogate.reactions": lambda w, g: w.model.reactions(g["displacement"], g["force"]),
-    "Surrogate.descend": lambda w, g: w.model.descend(
-        g["force"], None, g["displacement"], Aim(1e-6)
-    ),
+    "Surrogate.respond": lambda w, g: w.model.respond(Load(g["forces"])),
     "Surrogate.fast_of_level": lambda w, g: w.model.fast_of_level(0.95),
     # its body
-    "Body.of": lambda w, g: Body.of(w.model.network, w.model.geometry, w.model.body.case),
-    "Body.certify": lambda w, g: w.model.body.certify(g["forces"], None, g["displacements"]),
-    "Body.correct": lambda w, g: w.model.body.correct(g["force"], None, g["displacement"]),
+    "Body.read": lambda w, g: Body.read(w.data).geometry.coordinates,
+    "Body.with_young_moduli": lambda w, g: zoned(w.model.body, g),
+    "Body.certify": lambda w, g: w.model.body.certify(Load(g["forces"]), g["displacements"]),
+    "Body.correct": lambda w, g: w.model.body.correct(Load(g["force"]), g["displacement"]),
     "Body.descend": lambda w, g: w.model.body.descend(
-        g["force"], None, g["displacement"], Aim(1e-6)
+        Load(g["force"]), g["displacement"], Aim(1e-6)
     ),
     "Body.one_direction": lambda w, g: w.model.body.one_direction(
-        g["force"], None, g["displacement"]
+        Load(g["force"]), g["displacement"]
     ),
     "Body.stresses": lambda w, g: w.model.body.stresses(g["displacements"]),
     "Body.reactions": lambda w, g: w.model.body.reactions(g["displacement"], g["force"]),
     "Body.stresses_under": lambda w, g: w.model.body.stresses_under(
-        g["forces"], None, g["displacements"]
+        Load(g["forces"]), g["displacements"]
     ),
     "Body.reactions_under": lambda w, g: w.model.body.reactions_under(
-        g["forces"], None, g["displacements"]
+        Load(g["forces"]), g["displacements"]
     ),
     "Body.under": lambda w, g: w.model.body.under(None),
     **{f"Body.{name}": attribute("model", "body", name) for name in OF_BODIES},
     "Surrogate.prepare": lambda w, g: w.model.prepare(g["nodes"]),
-    "Surrogate.with_young_moduli": lambda w, g: zoned(w, g),
-    "Surrogate.under": lambda w, g: w.model.under(None),
+    "Surrogate.with_young_moduli": lambda w, g: zoned(w.model, g),
     "Surrogate.score_scale": lambda w, g: w.bayes.score_scale(w.distribution),
     "Surrogate.require_stochastic": lambda w, g: w.bayes.require_stochastic(passes=2),
     **{f"Surrogate.{name}": attribute("model", name) for name in OF_MODELS},
@@ -470,13 +469,12 @@ SHARED = {  # another name of what the caller owns, a part of the model, or a st
     "Solution.std_epistemic",
     "Solution.upper",
     "Body.driven_body",
-    "Surrogate.driven_body",
 }
 
 
-def zoned(world: World, given: Given) -> None:
+def zoned(model: surrogate.Surrogate | Body, given: Given) -> None:
     with pytest.raises(InputError):
-        world.model.with_young_moduli(given["held"])
+        model.with_young_moduli(given["held"])
 
 
 def read(world: World) -> Geometry:
@@ -490,7 +488,7 @@ def scaled(world: World) -> FastCertificate:
 
 
 def descent(world: World, given: Given) -> Descent:
-    return world.model.descend(given["force"], None, given["displacement"], Aim(1e-6))[1]
+    return world.model.body.descend(Load(given["force"]), given["displacement"], Aim(1e-6))[1]
 
 
 def of_bayes(world: World) -> tuple[Array]:

@@ -157,7 +157,7 @@ def test_export_refusals(trained: Path, out: Path, capsys: pytest.CaptureFixture
         ("no run there", [out / "nowhere", *onnx]),
         ("expected a file name ending in .onnx", [trained, *onnx[:3], out / "model.pt2"]),
         ("--passes 3: passes of this network do not differ", [trained, *onnx, "--passes", 3]),
-        ("--seed 3: expected beside --passes", [trained, *onnx, "--seed", 3]),
+        ("--seed 3: expected beside passes", [trained, *onnx, "--seed", 3]),
     ]
     for part, arguments in cases:
         assert_refused(["export", *arguments], part, out, capsys)
@@ -247,7 +247,7 @@ def predict_code(run: Path, out: Path, *options: str) -> int:
 @pytest.mark.parametrize(
     ("options", "part"),
     [
-        (("--level", "0.9"), "--level 0.9: expected beside --certify fast"),
+        (("--level", "0.9"), "--level 0.9: expected beside certify='fast'"),
     ],
 )
 def test_fast_certificate_refusals(
@@ -351,7 +351,7 @@ def test_predict_refusals(trained: Path, out: Path, capsys: pytest.CaptureFixtur
     for option in ("--passes", "--seed"):
         part = f"{option} 3: passes of this network do not differ, expected one with probabilistic"
         assert_refused([*arguments, option, 3], part, out, capsys)
-    part = "--tolerance 0.1: expected --certify beside --correct"
+    part = "--tolerance 0.1: expected certify beside correct"
     assert_refused([*arguments, "--correct", "--tolerance", 0.1], part, out, capsys)
 
 

@@ -80,7 +80,7 @@ def test_other_arrays_are_numbers_in_double_precision(model: surrogate.Surrogate
 
 def test_batches_and_no_loads(model: surrogate.Surrogate) -> None:
     """Stresses and reactions of several displacements are those of each; of none, none."""
-    u = np.random.default_rng(0).normal(0, 1e-3, (3, *NODES)) * model.equilibrium.free
+    u = np.random.default_rng(0).normal(0, 1e-3, (3, *NODES)) * model.body.equilibrium.free
     pushed = np.random.default_rng(1).normal(size=u.shape)
     reactions, stresses = model.reactions(u, pushed), model.stresses(u)
     for k in range(3):

@@ -32,10 +32,10 @@ from surrogate.learning.probabilistic.distribution import Distribution
 from surrogate.learning.probabilistic.stochastic_passes import PASSES
 from surrogate.learning.runs.folder import RunFolder
 from surrogate.learning.runs.shelf import copy_run, find_run, require_changeable
-from surrogate.mechanics.body.given_load import separated
 from surrogate.mechanics.certify.conformal import Intervals
 from surrogate.mechanics.certify.fast_certificate import FastCertificate
 from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
+from surrogate.mechanics.statics.load import separated
 from surrogate.runtime.device import choose_device
 
 if TYPE_CHECKING:
@@ -390,7 +390,7 @@ def embedding_error(surrogate: Surrogate, force: Array, reference: Array) -> flo
     force, reference : array, (M, n_nodes, d)
         Forces in N, displacements in m.
     """
-    network, grid, errors = surrogate.nodal_network, surrogate.geometry.grid, []
+    network, grid, errors = surrogate.predictor.network, surrogate.geometry.grid, []
     for start in range(0, len(force), AT_ONCE):
         f, u = force[start : start + AT_ONCE], reference[start : start + AT_ONCE]
         on_grid = torch.from_numpy(grid.to_grid(u)).float().to(surrogate.network.free.device)

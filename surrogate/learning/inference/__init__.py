@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from surrogate.learning.inference.modal_cubature import balance
     from surrogate.learning.inference.proposal import farthest
     from surrogate.learning.inference.surrogate import Surrogate
-    from surrogate.mechanics.body.given_load import separated
+    from surrogate.mechanics.statics.load import separated
 
 __all__ = [
     "NodalFunction",

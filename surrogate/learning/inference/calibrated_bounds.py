@@ -16,10 +16,10 @@ from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.inference.surrogate import Surrogate
 from surrogate.learning.probabilistic.distribution import Distribution
 from surrogate.learning.runs.split import split_training
-from surrogate.mechanics.body.given_load import separated
 from surrogate.mechanics.certify.calibrated_range import LEAST_STIFFNESS
 from surrogate.mechanics.certify.conformal import KINDS, ConformalCalibration, Intervals
 from surrogate.mechanics.certify.fast_certificate import FastCertificate
+from surrogate.mechanics.statics.load import separated
 
 Array = NDArray[np.float64]
 
@@ -108,14 +108,16 @@ def fit_intervals(
     fraction = description.run.training.calibration_fraction
     if dataset.manifest.digest != description.data.digest:
         raise InputError(
-            f"--conformal {level}: not the dataset that the run was trained on, which holds its "
-            "calibration split"
+            f"conformal {level}: not the dataset that the run was trained on, which holds its "
+            "calibration split",
+            "conformal",
         )
     rows = split_training(dataset.training, description.run).calibration_rows
     if len(rows) == 0:
         raise InputError(
-            f"--conformal {level}: the run has no calibration split, "
-            f"'training.calibration_fraction' = {fraction}, expected above 0"
+            f"conformal {level}: the run has no calibration split, "
+            f"'training.calibration_fraction' = {fraction}, expected above 0",
+            "conformal",
         )
     samples = HeldOut.of(surrogate, dataset, rows, passes, seed)
     mean, std = samples.predicted.mean, surrogate.score_scale(samples.predicted)
@@ -126,7 +128,7 @@ def fit_intervals(
             for kind in KINDS
         }
     except ValueError as error:
-        raise InputError(f"--conformal {level}: {first_line(error)}") from None
+        raise InputError(f"conformal {level}: {first_line(error)}", "conformal") from None
     return Intervals(level, len(rows), calibrations)
 
 
@@ -147,8 +149,9 @@ def fit_fast_certificate(
     description = surrogate.description
     if dataset.manifest.digest != description.data.digest:
         raise InputError(
-            "--certify: not the dataset that the run was trained on, which holds its calibration "
-            "split"
+            "certify: not the dataset that the run was trained on, which holds its calibration "
+            "split",
+            "certify",
         )
     split = split_training(dataset.training, description.run)
     rows = split.calibration_rows
@@ -156,8 +159,9 @@ def fit_fast_certificate(
         rows = torch.cat([rows, split.validation_rows])
     if len(rows) == 0:
         raise InputError(
-            "--certify: the run has no held-out samples, 'training.calibration_fraction' = "
-            f"{description.run.training.calibration_fraction}, expected above 0"
+            "certify: the run has no held-out samples, 'training.calibration_fraction' = "
+            f"{description.run.training.calibration_fraction}, expected above 0",
+            "certify",
         )
     return fit_on_samples(surrogate, HeldOut.of(surrogate, dataset, rows, passes, seed))
 

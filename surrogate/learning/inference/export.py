@@ -154,7 +154,7 @@ def export(
     require_writable(path)
     require_packages(format)
     if seed is not None and passes is None:
-        raise InputError(f"--seed {seed}: expected beside --passes")
+        raise InputError(f"seed {seed}: expected beside passes", "seed")
     with _EXPORTS:
         return export_network(load(run), format, path, passes, seed, directions)
 
@@ -182,13 +182,13 @@ def export_network(
         surrogate.require_stochastic(passes=passes)
         require_passes(passes, seed or 0)
         drawn = sum(p.nbytes for p in surrogate.network.parameters()) if passes > 1 else 0
-        require_memory(passes * drawn, f"--passes {passes}: the file")
-        surrogate.passes.fix(seed or 0, range(passes))
+        require_memory(passes * drawn, f"passes {passes}: the file", "passes")
+        surrogate.predictor.passes.fix(seed or 0, range(passes))
     surrogate.network.requires_grad_(False)
     if isinstance(surrogate.network.network, ReducedNetwork):
         surrogate.network.network.equilibrium = None  # a search, which a file cannot hold
     driven = None if directions is None else fixed_directions(surrogate, directions)
-    function = NodalFunction(surrogate.nodal_network, passes, driven)
+    function = NodalFunction(surrogate.predictor.network, passes, driven)
 
     data, geometry = surrogate.description.data, surrogate.geometry
     most = min(CHECKED_LOADS, data.load_numbers[1])
@@ -248,7 +248,7 @@ def _make_exportable(module: nn.Module) -> None:
 
 def fixed_directions(surrogate: Surrogate, count: int) -> FixedDirections:
     """Some directions of a body, with the response of the network if it is a load series."""
-    equilibrium, response = surrogate.equilibrium, surrogate.network.linear
+    equilibrium, response = surrogate.body.equilibrium, surrogate.network.linear
     require_exportable(equilibrium, count)
     if not isinstance(response, SeriesResponse):  # in double precision
         materials = equilibrium.solid.materials
@@ -279,7 +279,7 @@ def responses(surrogate: Surrogate, force: Tensor) -> Tensor:
     """Return the linear responses in m to forces in N, both (samples, n_nodes, d); in double."""
     linear = surrogate.network.linear
     assert isinstance(linear, LinearResponse)
-    return linear.at_nodes(surrogate.nodal_network.on_grid(force)).transpose(1, 2).double()
+    return linear.at_nodes(surrogate.predictor.network.on_grid(force)).transpose(1, 2).double()
 
 
 def largest_difference(found: Fields, expected: Fields) -> float:
@@ -323,8 +323,9 @@ def _save_onnx(
     size = sum(t.nbytes for t in (*program.state_dict.values(), *program.tensor_constants.values()))
     if size > ONNX_LIMIT:
         raise InputError(
-            f"--format 'onnx': the weights take {size / 1e9:.1f} GB, such a file holds "
-            f"{ONNX_LIMIT / 1e9:.0f} GB; expected fewer passes, or 'pt2'"
+            f"format 'onnx': the weights take {size / 1e9:.1f} GB, such a file holds "
+            f"{ONNX_LIMIT / 1e9:.0f} GB; expected fewer passes, or 'pt2'",
+            "format",
         )
     converted = torch.onnx.export(
         program,
@@ -350,7 +351,8 @@ def require_packages(kind: Format) -> None:
     missing = [name for name in ONNX_PACKAGES if kind == "onnx" and find_spec(name) is None]
     if missing:
         raise InputError(
-            f"--format 'onnx': needs {', '.join(missing)}, expected pip install 'surrogate[export]'"
+            f"format 'onnx': needs {', '.join(missing)}, expected pip install 'surrogate[export]'",
+            "format",
         )
 
 

@@ -19,9 +19,9 @@ from surrogate.learning.inference.surrogate import Surrogate
 from surrogate.learning.probabilistic.stochastic_passes import PASSES
 from surrogate.learning.runs.folder import RunFolder
 from surrogate.learning.runs.shelf import find_run, require_changeable
-from surrogate.mechanics.body.given_load import separated
 from surrogate.mechanics.certify.certificate_protocol import LEVEL
 from surrogate.mechanics.certify.fast_certificate import FastCertificate
+from surrogate.mechanics.statics.load import separated
 
 logger = logging.getLogger(__name__)
 FEWEST = 20  # corrected loads: of fewer, no bound holds with a probability of 95 %
@@ -62,20 +62,21 @@ def calibrate(
     """
     require_changeable(Path(run), None)
     if loads < FEWEST:
-        raise InputError(f"--loads {loads}: expected {FEWEST} at least")
+        raise InputError(f"loads {loads}: expected {FEWEST} at least", "loads")
     for key, value in {"fresh": fresh, "seed": seed}.items():
         if value < 0:
-            raise InputError(f"--{key} {value}: expected 0 or more")
+            raise InputError(f"{key} {value}: expected 0 or more", key)
     model = load(run)
-    model.equilibrium  # noqa: B018 (refuses a run without a material, before the work)
+    model.body.equilibrium  # noqa: B018 (refuses a run without a material, before the work)
     fields = 4 * (loads + fresh) * model.geometry.coordinates.nbytes
-    require_memory(fields, f"--loads {loads}: the fields")
+    require_memory(fields, f"loads {loads}: the fields", "loads")
     forces = drawn_loads(model, loads + fresh, np.random.default_rng(seed), family)
     samples = HeldOut.corrected(model, forces[:loads], PASSES, seed)
     if len(samples.force) < FEWEST:
         raise InputError(
-            f"--loads {loads}: {len(samples.force)} of them have a stable prediction and a "
-            f"correction, expected {FEWEST} at least; more or smaller loads"
+            f"loads {loads}: {len(samples.force)} of them have a stable prediction and a "
+            f"correction, expected {FEWEST} at least; more or smaller loads",
+            "loads",
         )
     fast = fit_on_samples(model, samples)
     folder = RunFolder(find_run(run))

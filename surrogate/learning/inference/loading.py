@@ -3,48 +3,22 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
 
 import torch
-from torch import Tensor
 
 from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.errors import InputError, first_line
-from surrogate.learning.inference.surrogate import Surrogate
+from surrogate.learning.inference.surrogate import Surrogate, make_surrogate
 from surrogate.learning.inference.touched_region import restore_columns
-from surrogate.learning.runs.description import RunDescription
 from surrogate.learning.runs.folder import RunFolder
 from surrogate.learning.runs.shelf import find_run
-from surrogate.mechanics.body.elements_of_case import loads_of_before, with_elements
-from surrogate.mechanics.body.geometry import PREFIX, Geometry
+from surrogate.mechanics.body.elements_of_case import loads_of_before
 from surrogate.runtime.device import choose_device, defaults_of_torch
 from surrogate.runtime.hardware import memory_errors
 
 logger = logging.getLogger(__name__)
-
-
-def make_surrogate(
-    tensors: Mapping[str, Tensor], description: RunDescription, device: str = "cpu"
-) -> Surrogate:
-    """Make a surrogate from the tensors of ``model.safetensors``.
-
-    Raises
-    ------
-    KeyError, IndexError, RuntimeError, ValueError
-        If the tensors do not fit the description.
-    """
-    on_cpu = {name: tensor.cpu() for name, tensor in tensors.items()}
-    config, data = description.run, description.data
-    geometry = Geometry.from_tensors(on_cpu, data.cell_type)
-    geometry = with_elements(geometry, data.case, data.forces)
-    material = data.material if config.needs_material else None
-    network = config.build_for(
-        geometry, data.info, material, data.case, description.has_series_of_before
-    )
-    network.load_state_dict({k: v for k, v in on_cpu.items() if not k.startswith(PREFIX)})
-    return Surrogate(network.to(device), geometry, description)
 
 
 @checked_arguments

@@ -40,12 +40,12 @@ def read_cubature(path: Path) -> Cubature:
 
 def modes_of(surrogate: Surrogate) -> Array:
     """Displacements in m of the modes of a reduced network, (m, n_nodes, d)."""
-    return nodal_modes(surrogate.nodal_network).transpose(1, 2).double().cpu().numpy()
+    return nodal_modes(surrogate.predictor.network).transpose(1, 2).double().cpu().numpy()
 
 
 def equilibrium_of(surrogate: Surrogate, modes: Array, cubature: Cubature) -> ModalEquilibrium:
     """Equilibrium in modes (m, n_nodes, d) in m, with the energy at the points of a cubature."""
-    solid = surrogate.equilibrium.solid
+    solid = surrogate.body.equilibrium.solid
     return ModalEquilibrium(
         modes,
         solid.cells.numpy(),

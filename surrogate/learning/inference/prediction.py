@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from functools import cached_property
 
 import numpy as np
@@ -19,12 +18,11 @@ from surrogate.learning.networks.nodal_network import NodalNetwork
 from surrogate.learning.networks.reduced_at_nodes import ReducedAtNodes
 from surrogate.learning.probabilistic.distribution import Distribution
 from surrogate.learning.probabilistic.stochastic_passes import PASSES, Passes
-from surrogate.mechanics.body.body import Body, Remade
-from surrogate.mechanics.body.given_load import separated, without_pressure
-from surrogate.mechanics.descent.aim import Aim, UnreachedToleranceWarning
-from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
-from surrogate.mechanics.series.body_series import BodySeries
+from surrogate.mechanics.descent.aim import Aim
 from surrogate.mechanics.series.series_response import SeriesResponse
+from surrogate.mechanics.statics.body import Body, Remade
+from surrogate.mechanics.statics.load import Load, separated
+from surrogate.mechanics.statics.prediction import Series
 
 Array = NDArray[np.float64]
 
@@ -59,12 +57,17 @@ class Predictor(Remade):
         self.batched = BatchedPrediction(self.network, self.passes, run, points)
 
     @cached_property
-    def series(self) -> BodySeries | None:
+    def series(self) -> Series | None:
         """The load series of the body at all of its points; None if the run's is not one."""
         run, linear = self._run, self._linear
         if not isinstance(run, SeriesModel) or not isinstance(linear, SeriesResponse):
             return None
-        return linear.series
+        return Series(self.body, terms=linear.series)
+
+    @property
+    def has_series(self) -> bool:
+        """Whether the response of the body is a load series, beyond the linear one."""
+        return isinstance(self._linear, SeriesResponse)
 
     @cached_property
     def at_nodes(self) -> ReducedAtNodes | None:
@@ -72,16 +75,18 @@ class Predictor(Remade):
         known = not self.passes.differ and ReducedAtNodes.fits(self.network)
         return ReducedAtNodes(self.network) if known else None
 
-    def respond(self, loads: Array, pressure: ArrayLike | None = None) -> tuple[Array, Array]:
+    def respond(
+        self, loads: Load | Array, pressure: ArrayLike | None = None
+    ) -> tuple[Array, Array]:
         """Predict, and tell what the last term of a load series adds.
 
         Parameters
         ----------
-        loads : array, (n_nodes or n_points, d) or with N before
-            Checked loads in N, as those of `Surrogate.certify`.
+        loads : Load, or array (n_nodes or n_points, d) or with N before
+            Checked loads in N; as an array, those of `Surrogate.certify`.
         pressure : array, (n_surfaces,) or (N, n_surfaces), optional
-            As that of `Surrogate.certify`; by default, the pressures that the forces tell. Matters
-            to a load series alone.
+            As that of `Surrogate.certify`, of an array; by default, the pressures that the forces
+            tell. Matters to a load series alone.
 
         Returns
         -------
@@ -90,48 +95,19 @@ class Predictor(Remade):
         array, (N,)
             Largest displacement of the last term in m; infinite unless a series is all there is.
         """
-        if self.series is None:
-            return self.under(loads, None, loads)
-        dead, follows = self._told_apart(loads, pressure)
-        return self.under(dead, follows, loads)
-
-    def under(
-        self, dead: Array, pressure: FollowerPressure | None, loads: Array
-    ) -> tuple[Array, Array]:
-        """Do what `respond` does, where dead loads and pressures of the load cases are known."""
-        nodal = loads[..., : self._nodes, :]
-        samples = nodal.reshape(-1, *nodal.shape[-2:])
-        last = np.full(len(samples), np.inf)
-        if not len(samples):
-            return nodal.copy(), last
         if self.series is not None:
-            forces = dead.reshape(-1, *dead.shape[-2:])
-            of_points = self.body.equilibrium.forces_at_points(forces)
-            found, last = self.series.predicted(of_points, pressure)
-            found = found[:, : nodal.shape[-2]]
+            load = loads if isinstance(loads, Load) else self._told_apart(loads, pressure)
+            return self.series.respond(load)
+        forces = loads.at_rest(self.body.geometry) if isinstance(loads, Load) else loads
+        nodal = forces[..., : self._nodes, :]
+        samples = nodal.reshape(-1, *nodal.shape[-2:])
+        if not len(samples):
+            found = samples
         elif self.at_nodes is not None:
             found = self.at_nodes(samples)
         else:
             found = self.batched.distribution(samples, PASSES, 0).mean
-        return found.reshape(nodal.shape), last
-
-    def driven(self, loads: Array, aim: Aim, pressure: ArrayLike | None) -> Array:
-        """Predict as `respond` does, and drive load by load towards the equilibrium."""
-        body = self.body
-        dead, follows = without_pressure(body.geometry, loads, pressure)
-        nodal, found, missed = loads[..., : len(body.geometry.coordinates), :], [], []
-        mean, last = self.under(dead, follows, loads)
-        each = (fields.reshape(-1, *fields.shape[-2:]) for fields in (dead, mean))
-        for number, (force, predicted, remainder) in enumerate(zip(*each, last, strict=True)):
-            one = None if follows is None else follows[slice(number, number + 1)]
-            displacement, descent = body.descend(force, one, predicted, aim, float(remainder))
-            found.append(displacement)
-            if descent.reached is False:
-                missed.append(f"load {number}: {descent.refusal(body.units)}")
-        if missed:
-            others = f", and {len(missed) - 1} other loads" if len(missed) > 1 else ""
-            warnings.warn(missed[0] + others, UnreachedToleranceWarning, stacklevel=4)
-        return np.array(found).reshape(nodal.shape)
+        return found.reshape(nodal.shape), np.full(len(samples), np.inf)
 
     def distribution(self, loads: Array, passes: int, seed: int) -> Distribution:
         """Predict means and standard deviations in m of checked loads; σ is 0 if there is none."""
@@ -157,15 +133,13 @@ class Predictor(Remade):
         """True if the network predicts standard deviations."""
         return self.is_stochastic or self._run.predicts_std
 
-    def _told_apart(
-        self, loads: Array, pressure: ArrayLike | None
-    ) -> tuple[Array, FollowerPressure | None]:
+    def _told_apart(self, loads: Array, pressure: ArrayLike | None) -> Load:
         """Dead loads, and pressures that are given or, if they can be, told from the loads."""
         geometry = self.body.geometry
         if pressure is not None or not geometry.surfaces:
-            return without_pressure(geometry, loads, pressure)
+            return Load.told_apart(geometry, loads, pressure)
         dead, follows = separated(geometry, loads.reshape(-1, *loads.shape[-2:]))
-        return dead.reshape(loads.shape), follows
+        return Load(dead.reshape(loads.shape), follows)
 
 
 def certain(mean: Array) -> Distribution:

@@ -108,12 +108,12 @@ def propose(
     geometry = surrogate.geometry
     surrogate.body.balanced()
     if count < 1:
-        raise InputError(f"--count {count}: expected 1 at least")
+        raise InputError(f"count {count}: expected 1 at least", "count")
     among = DRAWN * count if among is None else among
     if among < count:
-        raise InputError(f"--among {among}: expected {count} at least, the number proposed")
+        raise InputError(f"among {among}: expected {count} at least, the number proposed", "among")
     require_passes(passes, seed)
-    require_memory(among * geometry.coordinates.nbytes, f"--among {among}: the forces")
+    require_memory(among * geometry.coordinates.nbytes, f"among {among}: the forces", "among")
     forces = drawn_loads(surrogate, among, np.random.default_rng(seed), family)
     fields = np.empty(forces.shape, dtype=np.float32)
     errors = np.empty(among)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -38,6 +38,7 @@ FIELDS = (  # in the order of a solution file; those that are None are left out
     "half_width",
     "reaction",
 )
+OF_STRAIN = ("deformation_gradient", "jacobian")  # no stresses
 
 
 @dataclass(frozen=True, repr=False)
@@ -291,3 +292,25 @@ class Solution:
             lines.append(contact_line(self.contact, units))
         lines += [*self.notes, *(f"warning: {text}" for text in self.outside_training)]
         return "\n  ".join(lines)
+
+
+def stiffened(solution: Solution, factor: float) -> Solution:
+    """The solution of a body that is stiffer by a factor, from that of forces divided by it."""
+    contact, correction = solution.contact, solution.correction
+    if contact is not None:
+        contact = replace(contact, force=contact.force * factor)
+    if correction is not None:
+        correction = replace(correction, residual_norm=correction.residual_norm * factor)
+    return replace(
+        solution,
+        force=solution.force * factor,
+        force_between=None if solution.force_between is None else solution.force_between * factor,
+        stresses={
+            name: values if name in OF_STRAIN else values * factor
+            for name, values in solution.stresses.items()
+        },
+        reaction=None if solution.reaction is None else solution.reaction * factor,
+        grips=None if solution.grips is None else solution.grips * factor,
+        contact=contact,
+        correction=correction,
+    )

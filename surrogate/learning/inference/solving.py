@@ -16,13 +16,13 @@ from shared_schema.common.bodies.displacement_size import size_warning
 from shared_schema.common.errors import InputError
 from shared_schema.tools import Tool
 from surrogate.learning.inference.prediction import certain
-from surrogate.learning.inference.solution import Solution
+from surrogate.learning.inference.solution import Solution, stiffened
 from surrogate.learning.probabilistic.distribution import Distribution
 from surrogate.learning.probabilistic.stochastic_passes import PASSES
-from surrogate.mechanics.body.given_load import Load, following, given_load
-from surrogate.mechanics.body.stiffness import stiffened, stiffness_factor
+from surrogate.mechanics.body.stiffness import stiffness_factor
 from surrogate.mechanics.certify.certificate_protocol import LEVEL, ErrorCertificate
 from surrogate.mechanics.descent.aim import Aim, require_positive
+from surrogate.mechanics.statics.load import GivenLoad, Load, given_load
 from surrogate.mechanics.touch.unknown_forces import gripped, pushed
 
 if TYPE_CHECKING:
@@ -63,13 +63,15 @@ class Wanted:
         require_positive("tolerance", self.tolerance)
         require_positive("budget", self.budget)
         if self.tolerance is not None and self.correct and not self.certify:
-            raise InputError(f"--tolerance {self.tolerance}: expected --certify beside --correct")
+            raise InputError(
+                f"tolerance {self.tolerance}: expected certify beside correct", "tolerance"
+            )
         if self.budget is not None and self.correct:
             raise InputError(
-                f"--budget {self.budget}: expected without --correct, which has no limit"
+                f"budget {self.budget}: expected without correct, which has no limit", "budget"
             )
         if self.level is not None and self.certify != "fast":
-            raise InputError(f"--level {self.level}: expected beside --certify fast")
+            raise InputError(f"level {self.level}: expected beside certify='fast'", "level")
         if self.held is not None and self.tool is not None:
             raise InputError("held and tool: expected one of them")
 
@@ -81,7 +83,7 @@ class Wanted:
         return Aim(self.tolerance, self.budget, in_metres=self.certify is not None)
 
 
-def solved(model: Surrogate, load: Load, wanted: Wanted) -> Solution:
+def solved(model: Surrogate, load: GivenLoad, wanted: Wanted) -> Solution:
     """Predict one load case; certify or correct it: see `Surrogate.solve`."""
     body, level = model.body, LEVEL if wanted.level is None else wanted.level
     intervals = model.intervals if wanted.conformal else None
@@ -92,9 +94,9 @@ def solved(model: Surrogate, load: Load, wanted: Wanted) -> Solution:
     factor = stiffness_factor(body.material, wanted.young_modulus)
     given.scale(1 / factor)
     grip, contact = with_sought_forces(model, given, wanted)
-    force, dead, pressure = given.at_rest, given.load, following(given)
+    force, acting = given.at_rest, Load.of(model.geometry, given)
     weighs = wanted.body_force is not None
-    network, last_term = predicted(model, given, wanted)
+    network, last_term = predicted(model, acting, force, wanted)
     model.training_range.log(force, weighs)
     interval = None
     if intervals is not None and wanted.conformal is not None:
@@ -103,11 +105,11 @@ def solved(model: Surrogate, load: Load, wanted: Wanted) -> Solution:
     sought = contact if grip is None else grip
     correction, descent = None if sought is None else sought.correction, None
     if correction is None and wanted.correct:
-        correction = body.correct(dead, pressure, network.mean)
+        correction = body.correct(acting, network.mean)
     if correction is not None:
         displacement = correction.displacement
     elif wanted.aim is not None:
-        displacement, descent = body.descend(dead, pressure, network.mean, wanted.aim, last_term)
+        displacement, descent = body.descend(acting, network.mean, wanted.aim, last_term)
     else:
         displacement = network.mean
     is_own = np.array_equal(displacement, network.mean)
@@ -120,12 +122,12 @@ def solved(model: Surrogate, load: Load, wanted: Wanted) -> Solution:
             logger.warning(unusual)
     certificate: ErrorCertificate | None = None
     if wanted.certify == "full":
-        certificate = body.certify(dead, pressure, displacement)
+        certificate = body.certify(acting, displacement)
     std = network.std if model.is_probabilistic and is_own else None
     of_components = fast if fast is not None or std is None else model.bounds_of_components
     half_width = None
     if of_components is not None:
-        bounds = of_components.certify(dead, displacement, level, std, pressure)
+        bounds = of_components.certify(acting.dead, displacement, level, std, acting.pressure)
         half_width = bounds.half_width
         certificate = certificate if fast is None else bounds
     told = certificate is not None or correction is not None
@@ -133,12 +135,12 @@ def solved(model: Surrogate, load: Load, wanted: Wanted) -> Solution:
     outside = tuple(model.training_range.exceeded(force, weighs).values())
     one_direction = None
     if not told and (outside or model.network.linear is not None or body.is_small):
-        one_direction = body.one_direction(dead, pressure, displacement)
+        one_direction = body.one_direction(acting, displacement)
     stresses, reaction = {}, None
     if wanted.stresses:
-        fields = body.stresses_under(dead, pressure, displacement)
+        fields = body.stresses_under(acting, displacement)
         stresses = {name: values[0] for name, values in fields.items()}
-        reaction = body.reactions_under(dead, pressure, displacement)
+        reaction = body.reactions_under(acting, displacement)
     solution = Solution(
         geometry=model.geometry,
         case=model.description.run.case,
@@ -183,10 +185,12 @@ def with_sought_forces(
     return None, contact
 
 
-def predicted(model: Surrogate, given: CommandLoads, wanted: Wanted) -> tuple[Distribution, float]:
+def predicted(
+    model: Surrogate, load: Load, force: Array, wanted: Wanted
+) -> tuple[Distribution, float]:
     """Displacements in m, and what the last term of a load series adds at most; else infinity."""
     if model.predictor.series is None:
         passes = PASSES if wanted.passes is None else wanted.passes
-        return model.averaged_passes(given.at_rest, passes, wanted.seed or 0), math.inf
-    mean, (last,) = model.predictor.under(given.load, following(given), given.at_rest)
+        return model.averaged_passes(force, passes, wanted.seed or 0), math.inf
+    mean, (last,) = model.predictor.respond(load)
     return certain(mean), float(last)

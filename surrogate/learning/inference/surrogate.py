@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from contextlib import closing
 from functools import cached_property
@@ -21,18 +20,19 @@ from shared_schema.common.progress import Progress
 from surrogate.learning.inference.prediction import Predictor, given_aim
 from surrogate.learning.inference.training_range import TrainingRange
 from surrogate.learning.networks.field_network import FieldNetwork
-from surrogate.learning.networks.nodal_network import NodalNetwork
 from surrogate.learning.networks.unet import parameter_count
 from surrogate.learning.probabilistic.distribution import Distribution
-from surrogate.learning.probabilistic.stochastic_passes import PASSES, Passes, require_passes
+from surrogate.learning.probabilistic.stochastic_passes import PASSES, require_passes
 from surrogate.learning.runs.description import RunDescription
 from surrogate.learning.runs.folder import RunFolder
-from surrogate.mechanics.body.body import Body, Remade
-from surrogate.mechanics.body.geometry import SURFACE, Geometry
-from surrogate.mechanics.body.given_load import Load, checked_load, checked_loads, without_pressure
+from surrogate.mechanics.body.elements_of_case import with_elements
+from surrogate.mechanics.body.geometry import PREFIX, SURFACE, Geometry
+from surrogate.mechanics.body.stiffness import case_of_moduli
 from surrogate.mechanics.certify.certificate_protocol import LEVEL
-from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
-from surrogate.mechanics.series.series_response import SeriesResponse
+from surrogate.mechanics.equilibrium.compliance import Compliance
+from surrogate.mechanics.statics.body import Body, Remade
+from surrogate.mechanics.statics.load import GivenLoad, Load, checked_load, checked_loads
+from surrogate.mechanics.statics.prediction import driven
 from surrogate.runtime.device import Precision
 from surrogate.runtime.time_limit import require_time
 
@@ -47,8 +47,6 @@ if TYPE_CHECKING:
         FastEstimate,
         Intervals,
     )
-    from surrogate.mechanics.descent import Aim, Descent, DrivenBody
-    from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
     from surrogate.mechanics.touch.grip import Held
 
 Array = NDArray[np.float64]
@@ -83,7 +81,8 @@ class Surrogate(Remade):
         self, network: FieldNetwork, geometry: Geometry, description: RunDescription
     ) -> None:
         self.network, self.geometry, self.description = network.eval(), geometry, description
-        self.body = Body.of(network, geometry, description.data.case)
+        shared = [each for each in network.modules() if isinstance(each, Compliance)]
+        self.body = Body(geometry, description.data.case, shared, network.free.device)
         self.predictor = Predictor(network, self.body, description.run)
         self.training_range = TrainingRange.of(geometry, description)
         self.folder: Path | None = None
@@ -114,43 +113,13 @@ class Surrogate(Remade):
     @property
     def has_series(self) -> bool:
         """Whether the response of the body is a load series, beyond the linear one."""
-        within = isinstance(self.network.linear, SeriesResponse)
-        return within or self.predictor.series is not None
+        return self.predictor.has_series
 
-    @property
-    def equilibrium(self) -> Equilibrium:
-        """The finite-element equilibrium of the body, that of `Body.equilibrium`."""
-        return self.body.equilibrium
-
-    @property
-    def driven_body(self) -> DrivenBody:
-        """The body as directions see it, that of `Body.driven_body`."""
-        return self.body.driven_body
-
-    def under(self, pressure: FollowerPressure | None) -> Equilibrium:
-        """Equilibrium under the pressures of one load case: `Body.under`."""
-        return self.body.under(pressure)
-
-    def descend(
-        self,
-        dead: Array,
-        pressure: FollowerPressure | None,
-        predicted: Array,
-        aim: Aim,
-        last_term: float = math.inf,
-    ) -> tuple[Array, Descent]:
-        """Drive the prediction of one load towards the equilibrium: `Body.descend`."""
-        return self.body.descend(dead, pressure, predicted, aim, last_term)
-
-    @property
-    def nodal_network(self) -> NodalNetwork:
-        """The network as a map between fields at the nodes of the mesh."""
-        return self.predictor.network
-
-    @property
-    def passes(self) -> Passes:
-        """Passes of the network; the drawn weights of the last prediction are kept."""
-        return self.predictor.passes
+    def respond(self, loads: Load) -> tuple[Array, Array]:
+        """Predict checked loads, as `Predictor.respond`; warns as `predict`."""
+        require_time()
+        self.training_range.warn(loads.at_rest(self.geometry))
+        return self.predictor.respond(loads)
 
     @property
     def is_probabilistic(self) -> bool:
@@ -251,7 +220,7 @@ class Surrogate(Remade):
             if aim is None:
                 found, _ = self.predictor.respond(loads, pressure)
             else:
-                found = self.predictor.driven(loads, aim, pressure)
+                found = driven(self.predictor, self._told_apart(loads, pressure), aim)
             if isinstance(forces, Tensor):
                 kind = forces.dtype if forces.is_floating_point() else torch.float64
                 found = torch.from_numpy(found).to(forces.device, kind)
@@ -296,7 +265,7 @@ class Surrogate(Remade):
     @checked_arguments
     def solve(
         self,
-        load: Load = (),
+        load: GivenLoad = (),
         *,
         held: Held | None = None,
         tool: str | Tool | None = None,
@@ -417,8 +386,8 @@ class Surrogate(Remade):
             If a shape is wrong, a force is not finite, or the run does not name its material.
         """
         loads = checked_loads(self.geometry, forces)
-        dead, follows = without_pressure(self.geometry, loads, pressure)
-        return self.body.certify(dead, follows, self._displacement(loads, predicted))
+        load = self._told_apart(loads, pressure)
+        return self.body.certify(load, self._displacement(loads, predicted))
 
     def bounds(
         self,
@@ -454,11 +423,12 @@ class Surrogate(Remade):
             of this level.
         """
         fast, loads, std = self.fast_of_level(level), checked_loads(self.geometry, forces), None
-        dead, follows = without_pressure(self.geometry, loads, pressure)
+        load = self._told_apart(loads, pressure)
         if predicted is None and self.is_probabilistic:
             network = self.predictor.distribution(loads, PASSES, 0)
             predicted, std = network.mean, network.std
-        return fast.certify(dead, self._displacement(loads, predicted), level, std, follows)
+        displacement = self._displacement(loads, predicted)
+        return fast.certify(load.dead, displacement, level, std, load.pressure)
 
     def correct(
         self,
@@ -485,9 +455,9 @@ class Surrogate(Remade):
         WorkError
             If no equilibrium is found.
         """
-        load = checked_load(self.geometry, forces)
-        dead, follows = without_pressure(self.geometry, load, pressure)
-        return self.body.correct(dead, follows, self._displacement(load, predicted))
+        checked = checked_load(self.geometry, forces)
+        load = self._told_apart(checked, pressure)
+        return self.body.correct(load, self._displacement(checked, predicted))
 
     def correct_each(
         self,
@@ -516,18 +486,21 @@ class Surrogate(Remade):
         loads = checked_loads(self.geometry, forces)
         if loads.ndim != 3:
             raise InputError(f"forces have shape {loads.shape}, expected {('N', *shape)}")
-        dead, follows = without_pressure(self.geometry, loads, pressure)
-        displacement, found = self._displacement(loads, predicted), []
+        each, displacement = self._told_apart(loads, pressure), self._displacement(loads, predicted)
+        found = []
         progress = Progress(len(loads), unit="loads", title="surrogate: corrections", passing=True)
         with closing(progress):
             for number in range(len(loads)):
-                one = None if follows is None else follows[slice(number, number + 1)]
                 try:
-                    found.append(self.body.correct(dead[number], one, displacement[number]))
+                    found.append(self.body.correct(each[number], displacement[number]))
                 except WorkError as error:
                     raise WorkError(f"load {number}: {error}") from None
                 progress.update(number + 1)
         return found
+
+    def _told_apart(self, loads: Array, pressure: ArrayLike | None) -> Load:
+        """Checked loads as dead forces and pressures."""
+        return Load.told_apart(self.geometry, loads, pressure)
 
     def _displacement(self, loads: Array, predicted: ArrayLike | None) -> Array:
         """Return given displacements, checked; predict them if they are not given."""
@@ -605,17 +578,26 @@ class Surrogate(Remade):
             If the model has learned from samples, the body is of one material, there is no such
             group, or a modulus is not positive and finite.
         """
-        from surrogate.mechanics.body.stiffness import with_zones
-
-        return with_zones(self, moduli)
+        run, data = self.description.run, self.description.data
+        if run.learns:
+            raise InputError(
+                f"young_modulus: '{run.name}' has learned from samples of other moduli, expected a "
+                "load series ('surrogate train series')"
+            )
+        case = case_of_moduli(data.case, data.material, moduli)
+        changed = {"data": data.model_copy(update={"case": case})}
+        tensors = {**self.network.state_dict(), **self.geometry.tensors()}
+        description = self.description.model_copy(update=changed)
+        return make_surrogate(tensors, description, self.network.free.device.type)
 
     def require_stochastic(self, **options: int | None) -> None:
         """Raise InputError if pass options are given for a network that is not stochastic."""
         for name, value in options.items():
             if value is not None and not self.is_stochastic:
                 raise InputError(
-                    f"--{name} {value}: passes of this network do not differ, expected one with "
-                    "probabilistic weights or dropout"
+                    f"{name} {value}: passes of this network do not differ, expected one with "
+                    "probabilistic weights or dropout",
+                    name,
                 )
 
     @property
@@ -630,7 +612,7 @@ class Surrogate(Remade):
         """Estimate of errors without a factorisation."""
         from surrogate.mechanics.certify.fast_estimate import FastEstimate
 
-        return FastEstimate(self.driven_body)
+        return FastEstimate(self.body.driven_body)
 
     @cached_property
     def fast_certificate(self) -> FastCertificate:
@@ -647,7 +629,7 @@ class Surrogate(Remade):
         try:
             fast.factor(level)
         except ValueError as error:
-            raise InputError(f"--level {level:g}: {error}") from None
+            raise InputError(f"level {level:g}: {error}", "level") from None
         return fast
 
     @cached_property
@@ -673,3 +655,25 @@ class Surrogate(Remade):
     def score_scale(self, predicted: Distribution) -> ArrayLike:
         """Divisor of errors in conformal scores: σ in m, or 1 m if the network predicts none."""
         return predicted.std if self.is_probabilistic else 1.0
+
+
+def make_surrogate(
+    tensors: Mapping[str, Tensor], description: RunDescription, device: str = "cpu"
+) -> Surrogate:
+    """Make a surrogate from the tensors of ``model.safetensors``.
+
+    Raises
+    ------
+    KeyError, IndexError, RuntimeError, ValueError
+        If the tensors do not fit the description.
+    """
+    on_cpu = {name: tensor.cpu() for name, tensor in tensors.items()}
+    config, data = description.run, description.data
+    geometry = Geometry.from_tensors(on_cpu, data.cell_type)
+    geometry = with_elements(geometry, data.case, data.forces)
+    material = data.material if config.needs_material else None
+    network = config.build_for(
+        geometry, data.info, material, data.case, description.has_series_of_before
+    )
+    network.load_state_dict({k: v for k, v in on_cpu.items() if not k.startswith(PREFIX)})
+    return Surrogate(network.to(device), geometry, description)

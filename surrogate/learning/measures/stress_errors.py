@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from shared_schema.common.errors import InputError
 from surrogate.learning.inference.surrogate import Surrogate
 from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
+from surrogate.mechanics.statics.load import Load
 
 Array = NDArray[np.float64]
 AT_ONCE = 2**18  # cells of all samples that are held at once
@@ -63,7 +64,7 @@ def measure_stresses(
         Pressures of the samples; none by default.
     """
     try:
-        surrogate.equilibrium  # noqa: B018
+        surrogate.body.equilibrium  # noqa: B018
     except InputError:
         return None
     step = max(1, AT_ONCE // len(surrogate.geometry.cells))
@@ -71,9 +72,7 @@ def measure_stresses(
     parts = []
     for start in range(0, len(predicted), step):
         some = slice(start, start + step)
-        of_load = partial(
-            surrogate.body.stresses_under, dead[some], None if pressure is None else pressure[some]
-        )
+        of_load = partial(surrogate.body.stresses_under, Load(dead, pressure)[some])
         parts.append(_errors(of_load(predicted[some]), of_load(reference[some])))
     mean, largest, of_largest, inverted = map(np.concatenate, zip(*parts, strict=True))
     stressed = largest > 0

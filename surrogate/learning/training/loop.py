@@ -22,8 +22,8 @@ from shared_schema.common.errors import WorkError
 from shared_schema.common.keys.units import Units
 from shared_schema.common.progress import Progress
 from surrogate.learning.data.dataset import Dataset
-from surrogate.learning.inference.loading import load, make_surrogate
-from surrogate.learning.inference.surrogate import Surrogate
+from surrogate.learning.inference.loading import load
+from surrogate.learning.inference.surrogate import Surrogate, make_surrogate
 from surrogate.learning.models.model import Model, TrainedModel
 from surrogate.learning.models.training_config import RecalibratedTraining
 from surrogate.learning.networks.field_network import FieldNetwork

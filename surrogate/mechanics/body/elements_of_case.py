@@ -97,7 +97,7 @@ def require_nodes_alone(
     case: Mapping[str, Any],
     cell_type: str,
     what: str,
-    instead: str = "--certify full and --correct are for all",
+    instead: str = "full certificates and corrections are for all",
 ) -> None:
     """Raise InputError if the elements of a case have points between the nodes."""
     if has_points_between(case, cell_type):

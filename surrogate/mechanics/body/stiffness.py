@@ -15,17 +15,11 @@ made anew for it; what a network has learned is not.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import Any
 
 from shared_schema.common.errors import InputError
-from shared_schema.materials import Materials, YoungPoisson, as_tuple
-from surrogate.learning.inference.solution import Solution
+from shared_schema.materials import Materials, YoungPoisson
 
-if TYPE_CHECKING:
-    from surrogate.learning.inference.surrogate import Surrogate
-
-OF_STRAIN = ("deformation_gradient", "jacobian")  # no stresses
 LARGEST = 1e30  # Pa
 
 
@@ -58,42 +52,20 @@ def require_modulus(young_modulus: float) -> None:
         raise InputError(f"young_modulus: {young_modulus}, expected more than 0 Pa, and finite")
 
 
-def stiffened(solution: Solution, factor: float) -> Solution:
-    """The solution of a body that is stiffer by a factor, from that of forces divided by it."""
-    contact, correction = solution.contact, solution.correction
-    if contact is not None:
-        contact = replace(contact, force=contact.force * factor)
-    if correction is not None:
-        correction = replace(correction, residual_norm=correction.residual_norm * factor)
-    return replace(
-        solution,
-        force=solution.force * factor,
-        force_between=None if solution.force_between is None else solution.force_between * factor,
-        stresses={
-            name: values if name in OF_STRAIN else values * factor
-            for name, values in solution.stresses.items()
-        },
-        reaction=None if solution.reaction is None else solution.reaction * factor,
-        grips=None if solution.grips is None else solution.grips * factor,
-        contact=contact,
-        correction=correction,
-    )
+def case_of_moduli(
+    case: Mapping[str, Any], material: Materials, moduli: Mapping[str, float]
+) -> dict[str, Any]:
+    """The configuration of a case, of these materials, with other moduli in Pa of some zones.
 
-
-def with_zones(surrogate: Surrogate, moduli: Mapping[str, float]) -> Surrogate:
-    """`Surrogate.with_young_moduli`."""
-    from surrogate.learning.inference.loading import make_surrogate
-
-    description = surrogate.description
-    material = description.data.material
-    groups = [each.group for each in as_tuple(material)]
-    if description.run.learns:
-        raise InputError(
-            f"young_modulus: '{description.run.name}' has learned from samples of other moduli, "
-            "expected a load series ('surrogate train series')"
-        )
+    Raises
+    ------
+    InputError
+        If the body is of one material, there is no such zone, or its material has no modulus; or a
+        modulus is not positive and finite.
+    """
     if not isinstance(material, tuple):
         raise InputError("young_modulus: the body is of one material, expected one number")
+    groups = [each.group for each in material]
     for group, modulus in moduli.items():
         if group not in groups:
             known = ", ".join(f"'{each}'" for each in groups)
@@ -105,11 +77,6 @@ def with_zones(surrogate: Surrogate, moduli: Mapping[str, float]) -> Surrogate:
         {**content, "young_modulus": float(moduli[content["group"]])}
         if content["group"] in moduli
         else content
-        for content in description.data.case["material"]
+        for content in case["material"]
     ]
-    data = description.data.model_copy(
-        update={"case": {**description.data.case, "material": changed}}
-    )
-    tensors = {**surrogate.network.state_dict(), **surrogate.geometry.tensors()}
-    device = surrogate.network.free.device.type
-    return make_surrogate(tensors, description.model_copy(update={"data": data}), device)
+    return {**case, "material": changed}

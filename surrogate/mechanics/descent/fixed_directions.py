@@ -157,16 +157,18 @@ class FixedDirections(nn.Module):
 def require_exportable(equilibrium: Equilibrium, count: int) -> None:
     """Raise InputError unless a file can hold so many directions of a body."""
     if not 1 <= count <= MOST:
-        raise InputError(f"--directions {count}: expected 1 to {MOST}")
+        raise InputError(f"directions {count}: expected 1 to {MOST}", "directions")
     linear = equilibrium.points is None and type(equilibrium.solid) is Solid
     if not linear or equilibrium.geometry.pressed is not None:
         raise InputError(
-            f"--directions {count}: expected a body of linear elements, under dead loads"
+            f"directions {count}: expected a body of linear elements, under dead loads",
+            "directions",
         )
     nodes = int(equilibrium.free.any(axis=1).sum())
     if nodes > DENSE:
         raise InputError(
-            f"--directions {count}: expected a body of at most {DENSE} nodes, found {nodes}"
+            f"directions {count}: expected a body of at most {DENSE} nodes, found {nodes}",
+            "directions",
         )
 
 

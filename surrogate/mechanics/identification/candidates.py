@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from shared_schema.common.errors import WorkError
-from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
 from surrogate.mechanics.identification.least_squares import Fit, Point, stepped, wild_cost
-from surrogate.mechanics.identification.responses import DIFFERENCE, Body, differences
+from surrogate.mechanics.identification.responses import DIFFERENCE, differences
 from surrogate.mechanics.identification.unknowns import Unknowns
-from surrogate.mechanics.touch.body import predicted
+from surrogate.mechanics.statics.load import Load
+from surrogate.mechanics.statics.prediction import Predictor
 
 Array = NDArray[np.float64]
 
@@ -66,23 +66,24 @@ class Start:
     radius: float = 0.0
 
 
-def joined_pressures(both: list[tuple[Unknowns, Array]]) -> FollowerPressure | None:
-    """Pressures of some unknowns at some parameters, one after the other; None if none acts."""
-    found = [of.pressure(at) for of, at in both]
-    known = [each for each in found if each is not None]
+def joined(loads: list[Load]) -> Load:
+    """Some load cases after others of the same body."""
+    known = [each.pressure for each in loads if each.pressure is not None]
+    dead = np.concatenate([each.dead for each in loads])
     if not known:
-        return None
-    return replace(known[0], pressures=np.concatenate([each.pressures for each in known]))
+        return Load(dead)
+    pressures = np.concatenate([each.pressures for each in known])
+    return Load(dead, replace(known[0], pressures=pressures))
 
 
 def likely_candidates(
-    body: Body, moved: Array, at_markers: csr_array, best: Fit, starts: list[Start]
+    predictor: Predictor, moved: Array, at_markers: csr_array, best: Fit, starts: list[Start]
 ) -> list[Candidate]:
     """Take a step from every start, and return the candidates, the most likely one first.
 
     Parameters
     ----------
-    body : Surrogate
+    predictor : Predictor
     moved : array, (m, d)
         Displacements of the markers in m.
     at_markers : csr_array, (m, n_nodes)
@@ -100,9 +101,8 @@ def likely_candidates(
         start.theta + np.vstack([0 * start.scale, np.diag(DIFFERENCE * start.scale)])
         for start in starts
     ]
-    both = list(zip([start.unknowns for start in starts], points, strict=True))
-    loads, pressed = np.concatenate([of.forces(at) for of, at in both]), joined_pressures(both)
-    fields = predicted(body, loads, pressed)
+    loads = [start.unknowns.load(at) for start, at in zip(starts, points, strict=True)]
+    fields, _ = predictor.respond(joined(loads))
     of_starts = fields.reshape(len(starts), -1, *fields.shape[1:])
     found = []
     for start, fields in zip(starts, of_starts, strict=True):

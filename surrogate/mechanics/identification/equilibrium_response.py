@@ -25,7 +25,6 @@ from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from surrogate.mechanics.identification.responses import Response
 from surrogate.mechanics.identification.unknowns import Unknowns
 from surrogate.mechanics.solids.solid import Solid
-from surrogate.mechanics.touch.body import predicted
 
 Array = NDArray[np.float64]
 START = "last moduli of the zones"
@@ -39,15 +38,15 @@ class EquilibriumResponse(Response):
 
     def field(self, theta: Array) -> Array:
         """u(θ) in m; of zones NaN if no equilibrium is found."""
-        body, dead = self._at(theta), self.unknowns.forces(theta)
+        body, load = self._at(theta), self.load(theta)
         if not self.unknowns.zones:
-            start = predicted(self.body, dead[None], self.unknowns.pressure(theta))[0]
-            return correct(body, dead, start).displacement
-        forces, last = body.forces_at_points(dead[None]), self._last
+            start, _ = self.predictor.respond(load)
+            return correct(body, load.dead, start).displacement
+        forces, last = body.forces_at_points(load.cases.dead), self._last
         start = body.linear_response(body.at_rest(forces)) if last is None else last[None]
         if body.inverted(start)[0]:
             start = np.zeros_like(start)
-        nodes = self.body.equilibrium.nodes
+        nodes = self.predictor.body.equilibrium.nodes
         try:
             self._last = found = stable_state(body, forces, start, START).displacement
         except WorkError:
@@ -57,12 +56,12 @@ class EquilibriumResponse(Response):
     def slopes(self, theta: Array, field: Array) -> Array:
         """∂u/∂θ; WorkError if the equilibrium is not stable."""
         body, unknowns = self._at(theta), self.unknowns
-        f = body.forces_at_points(unknowns.forces(theta)[None])
+        f = body.forces_at_points(self.load(theta).cases.dead)
         u = body.at_points(field[None], f)
         respond = body.response_at(u[0])
         if respond is None:
             raise WorkError("the equilibrium that fits the markers is not stable")
-        forces = [unit_forces(self.body.equilibrium, unknowns, u)]
+        forces = [unit_forces(self.predictor.body.equilibrium, unknowns, u)]
         if unknowns.softens:
             forces = [np.exp(-theta[-1]) * forces[0], -body.external(u, f)]
         inside = body.solid.internal_forces(torch.from_numpy(u)).numpy()
@@ -71,20 +70,22 @@ class EquilibriumResponse(Response):
             twice[number] += np.log(2.0)
             forces.append(inside - self._solid(twice).internal_forces(torch.from_numpy(u)).numpy())
         rates = respond(np.concatenate(forces))
-        return np.asarray(np.moveaxis(rates[:, : self.body.equilibrium.nodes], 0, -1))
+        return np.asarray(np.moveaxis(rates[:, : self.predictor.body.equilibrium.nodes], 0, -1))
 
     def _at(self, theta: Array) -> Equilibrium:
         """The body with some moduli under the pressures; that of the last moduli is kept."""
-        pressure = self.unknowns.pressure(theta)
+        pressure = self.load(theta).pressure
         if not self.unknowns.zones:
-            return self.body.under(pressure)
+            return self.predictor.body.under(pressure)
         key = theta[len(theta) - len(self.unknowns.zones) :].tobytes()
         if self._body is None or self._body[0] != key:
-            self._body = key, Equilibrium(self.body.equilibrium.geometry, self._materials(theta))
+            geometry = self.predictor.body.equilibrium.geometry
+            self._body = key, Equilibrium(geometry, self._materials(theta))
         return self._body[1] if pressure is None else self._body[1].under(pressure)
 
     def _solid(self, theta: Array) -> Solid:
-        body, geometry = self.body.equilibrium, self.body.equilibrium.geometry
+        body = self.predictor.body.equilibrium
+        geometry = body.geometry
         mesh = geometry.coordinates, geometry.cells, geometry.cell_type
         return type(body.solid)(*mesh, self._materials(theta), geometry.parts, geometry.fibres)
 
@@ -94,7 +95,7 @@ class EquilibriumResponse(Response):
             material.model_copy(update={"young_modulus": moduli[material.group]})
             if material.group in moduli
             else material
-            for material in self.body.equilibrium.solid.materials
+            for material in self.predictor.body.equilibrium.solid.materials
         )
 
 

@@ -15,9 +15,7 @@ from shared_schema.common.errors import InputError
 from shared_schema.common.keys.units import Units
 from shared_schema.common.solution_file import write_solution
 from shared_schema.tools import Tool, parse_tool, require_outside
-from surrogate.learning.inference.surrogate import Surrogate
 from surrogate.mechanics.body.geometry import Geometry
-from surrogate.mechanics.body.given_load import given_load
 from surrogate.mechanics.body.stiffness import modulus_at_rest
 from surrogate.mechanics.identification.candidates import Candidate
 from surrogate.mechanics.identification.equilibrium_response import moduli_of_zones
@@ -34,6 +32,8 @@ from surrogate.mechanics.identification.unknowns import (
     radii_of,
     zones_of,
 )
+from surrogate.mechanics.statics.load import given_load
+from surrogate.mechanics.statics.prediction import Predictor
 
 Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)
@@ -151,7 +151,7 @@ class Identification:
 
 @checked_arguments
 def identify(
-    model: Surrogate,
+    model: Predictor,
     markers: Markers | str | Path,
     unknown: Sequence[str],
     load: Sequence[str] = (),
@@ -168,7 +168,7 @@ def identify(
 
     Parameters
     ----------
-    model : Surrogate
+    model : Surrogate, or Series
     markers : Markers, or path of a file
         At most places on or in the body; some may be wrong.
     unknown : sequence of str
@@ -209,7 +209,7 @@ def identify(
         raise InputError(f"model_error: {model_error}, expected from 0 to less than 1")
     if not 0 < level < 1:
         raise InputError(f"level: {level}, expected more than 0 and less than 1")
-    geometry = model.geometry
+    geometry = model.body.geometry
     if not isinstance(markers, Markers):
         markers = read_markers(Path(markers), geometry.dimension)
     at_markers = markers.interpolation(geometry)
@@ -218,7 +218,7 @@ def identify(
     if len(somewhere) > 1:
         raise InputError(f"unknown: {', '.join(somewhere)}: expected one force somewhere")
     radii = radii_of(geometry, somewhere[0]) if somewhere else []
-    material, moduli = model.description.data.material, np.empty(0)
+    material, moduli = model.body.material, np.empty(0)
     if zones := zones_of(unknown):
         if somewhere or YOUNG_MODULUS in unknown:
             raise InputError(f"unknown: {', '.join(unknown)}: expected zones beside known places")

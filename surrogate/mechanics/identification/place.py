@@ -25,7 +25,7 @@ from shared_schema.common.bodies.surface_patches import SurfacePatches
 from shared_schema.common.errors import InputError, WorkError
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.identification.least_squares import FLOOR, Fit, cauchy, wild_cost
-from surrogate.mechanics.identification.responses import Body
+from surrogate.mechanics.statics.body import Body
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
@@ -41,7 +41,7 @@ class Places:
 
     Parameters
     ----------
-    body : Surrogate
+    body : Body
     at_markers : csr_array, (m, n_nodes)
     beside : array, (m, d, K)
         Linear displacements of the markers by other sought forces of 1 N, in m.

@@ -3,28 +3,20 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any, ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from surrogate.mechanics.identification.least_squares import Model
 from surrogate.mechanics.identification.unknowns import Unknowns
-from surrogate.mechanics.touch import body as touch
-from surrogate.mechanics.touch.body import predicted
+from surrogate.mechanics.statics.load import Load
+from surrogate.mechanics.statics.prediction import Predictor
 
 Array = NDArray[np.float64]
 
 DIFFERENCE = 3e-3  # of a change that matters
-
-
-class Body(touch.Body, Protocol):
-    """What is identified, such as a `Surrogate`."""
-
-    def under(self, pressure: Any) -> Equilibrium:
-        """Equilibrium under dead loads, and pressures of one load case if there are."""
 
 
 class Response(ABC):
@@ -32,7 +24,7 @@ class Response(ABC):
 
     Parameters
     ----------
-    body : Surrogate
+    predictor : Predictor
     unknowns : Unknowns
     at_markers : csr_array, (m, n_nodes)
     scale : array, (p,)
@@ -45,13 +37,13 @@ class Response(ABC):
 
     def __init__(
         self,
-        body: Body,
+        predictor: Predictor,
         unknowns: Unknowns,
         at_markers: csr_array,
         scale: Array,
         shift: Array | float = 0.0,
     ) -> None:
-        self.body, self.unknowns, self.scale = body, unknowns, scale
+        self.predictor, self.unknowns, self.scale = predictor, unknowns, scale
         self._at_markers, self._shift = at_markers, shift
 
     @property
@@ -72,14 +64,14 @@ class Response(ABC):
         steps = self.difference * self.scale
         return differences(self.fields(theta + np.diag(steps)), field - self._shift, steps)
 
-    def forces(self, theta: Array) -> Array:
-        """Dead forces of u(θ) in N, (n_nodes or n_points, d)."""
-        return self.unknowns.forces(theta)
+    def load(self, theta: Array) -> Load:
+        """The load of u(θ)."""
+        return self.unknowns.load(theta)
 
     def at_rest(self, theta: Array) -> Array:
         """Forces of u(θ) in N, with those of pressures on the undeformed body."""
-        force, pressure = self.forces(theta), self.unknowns.pressure(theta)
-        return force if pressure is None else force + pressure.load[0]
+        load = self.load(theta)
+        return load.dead if load.pressure is None else load.dead + load.pressure.load[0]
 
     def _seen(self, fields: Array) -> Array:
         nodes = len(fields)
@@ -92,12 +84,11 @@ class PredictedResponse(Response):
 
     def field(self, theta: Array) -> Array:
         """u(θ) in m."""
-        return np.asarray(self.fields(theta[None])[0])
+        return self.predictor.respond(self.load(theta))[0]
 
     def fields(self, thetas: Array) -> Array:
         """u(θ) in m of all sets of parameters at once."""
-        unknowns = self.unknowns
-        return predicted(self.body, unknowns.forces(thetas), unknowns.pressure(thetas))
+        return self.predictor.respond(self.load(thetas))[0]
 
 
 def differences(ahead: Array, field: Array, steps: Array) -> Array:

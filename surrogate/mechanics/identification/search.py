@@ -11,17 +11,17 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from shared_schema.common.errors import InputError, WorkError
-from surrogate.mechanics.certify.full_certificate import certify
 from surrogate.mechanics.descent import Aim
 from surrogate.mechanics.descent.driven_body import longest
-from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
 from surrogate.mechanics.identification.candidates import Candidate, Start, likely_candidates
 from surrogate.mechanics.identification.equilibrium_response import EquilibriumResponse
 from surrogate.mechanics.identification.least_squares import Fit, fit, refit
 from surrogate.mechanics.identification.place import Places, best_place
-from surrogate.mechanics.identification.responses import Body, PredictedResponse, Response
+from surrogate.mechanics.identification.responses import PredictedResponse, Response
 from surrogate.mechanics.identification.tool_response import CONTACT, ToolResponse
 from surrogate.mechanics.identification.unknowns import SOMEWHERE, Unknowns
+from surrogate.mechanics.statics.load import Load
+from surrogate.mechanics.statics.prediction import Predictor
 from surrogate.mechanics.touch import Touch
 
 Array = NDArray[np.float64]
@@ -49,7 +49,7 @@ class Search:
 
     Parameters
     ----------
-    body : Surrogate
+    predictor : Predictor
     moved : array, (m, d)
         In m.
     at_markers : csr_array, (m, n_nodes)
@@ -58,16 +58,17 @@ class Search:
     """
 
     def __init__(
-        self, body: Body, moved: Array, at_markers: csr_array, noise: float | None
+        self, predictor: Predictor, moved: Array, at_markers: csr_array, noise: float | None
     ) -> None:
-        self._body, self._moved, self._at_markers = body, moved, at_markers
+        self._predictor, self._body = predictor, predictor.body
+        self._moved, self._at_markers = moved, at_markers
         self._noise, self._size = noise, float(np.abs(moved).max())
 
     def known(self, unknowns: Unknowns) -> list[Candidate]:
         """Fit forces at known places, and moduli; or the place of a tool."""
         if unknowns.tool is not None:
             scale = np.full(len(unknowns.names), self._size)
-            begin = self._response(unknowns, scale).forces(0 * scale)
+            begin = self._response(unknowns, scale).load(0 * scale).dead
             if np.array_equal(begin, unknowns.known):
                 raise InputError("tool: it touches nothing, expected it about where it pushes")
             found = self._fitted(unknowns, np.zeros(len(scale)), scale)
@@ -128,7 +129,7 @@ class Search:
             Start(unknowns_at(number), theta, scale_at(number), *of_place[number])
             for number, theta in begins.items()
         ]
-        return likely_candidates(self._body, self._moved, self._at_markers, best.fit, starts)
+        return likely_candidates(self._predictor, self._moved, self._at_markers, best.fit, starts)
 
     def finished(self, best: Candidate, confirm: bool) -> Finished:
         """Fit the best candidate once more: without the estimated error, or exactly.
@@ -138,7 +139,10 @@ class Search:
         WorkError
             If no equilibrium is found, or the estimate of the error does not settle.
         """
-        given, theta = (self._body, best.unknowns, self._at_markers, best.scale), best.fit.theta
+        given, theta = (
+            (self._predictor, best.unknowns, self._at_markers, best.scale),
+            best.fit.theta,
+        )
         if best.unknowns.zones:
             return Finished(best.fit, 0.0, EquilibriumResponse(*given).at_rest(theta))
         if confirm:
@@ -147,16 +151,13 @@ class Search:
             return Finished(found, 0.0, exact.at_rest(found.theta))
         response = self._response(best.unknowns, best.scale)
         state = response.field(theta)
-        load = response.forces(theta), best.unknowns.pressure(theta)
-        error = self._error(state, *load, best.fit.sigma)
+        error = self._error(state, response.load(theta), best.fit.sigma)
         shifted = self._response(best.unknowns, best.scale, -error)
         found = self._refitted(shifted, best.fit, state - error)
         left = float(np.abs(self._at_markers @ error).max())
         return Finished(found, left, shifted.at_rest(found.theta))
 
-    def _error(
-        self, state: Array, forces: Array, pressure: FollowerPressure | None, noise: float
-    ) -> Array:
+    def _error(self, state: Array, load: Load, noise: float) -> Array:
         """Error of the prediction in m: by directions, or, where they do not arrive, Newton steps.
 
         As precisely as matters beside the noise.
@@ -167,10 +168,10 @@ class Search:
             If neither settles.
         """
         aim = Aim(max(TOLERANCE * longest(state), OF_NOISE * noise), in_metres=True)
-        found, descent = self._body.descend(forces, pressure, state, aim)
+        found, descent = self._body.descend(load, state, aim)
         if descent.reached:
             return np.asarray(state - found)
-        certificate = certify(self._body.under(pressure), forces, state)
+        certificate = self._body.certify(load, state)
         if not certificate.settled:
             raise WorkError(
                 "the error of the surrogate cannot be estimated for what is found, expected "
@@ -183,14 +184,14 @@ class Search:
 
     def _response(self, unknowns: Unknowns, scale: Array, shift: Array | float = 0.0) -> Response:
         """Predictions, or, if moduli of zones are sought, equilibria."""
-        given = self._body, unknowns, self._at_markers, scale, shift
+        given = self._predictor, unknowns, self._at_markers, scale, shift
         if unknowns.tool is not None:
             return ToolResponse(self._touch, *given)
         return EquilibriumResponse(*given) if unknowns.zones else PredictedResponse(*given)
 
     @cached_property
     def _touch(self) -> Touch:
-        return Touch(self._body, CONTACT, corrected=False)
+        return Touch(self._predictor, CONTACT, corrected=False)
 
     def _fitted(self, unknowns: Unknowns, begin: Array, scale: Array) -> Fit:
         """The parameters that fit; a search that went astray is led there by parts of the way."""

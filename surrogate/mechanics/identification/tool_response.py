@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from shared_schema.common.errors import InputError, WorkError
 from shared_schema.tools import Displaced
 from surrogate.mechanics.identification.responses import Response
-from surrogate.mechanics.touch.body import LoadedBody
+from surrogate.mechanics.statics.load import Load
+from surrogate.mechanics.touch.loaded_body import LoadedBody
 from surrogate.mechanics.touch.touch import Touch, TouchFrame
 
 Array = NDArray[np.float64]
@@ -40,11 +41,12 @@ class ToolResponse(Response):
         try:
             return self._frame(theta).displacement
         except (InputError, WorkError):  # the tool may not be there
-            return np.full(self.body.geometry.coordinates.shape, np.nan)
+            return np.full(self.predictor.body.geometry.coordinates.shape, np.nan)
 
-    def forces(self, theta: Array) -> Array:
-        """Forces of the tool, and those that are known, in N."""
-        return self._loaded.with_forces(self._frame(theta).force)
+    def load(self, theta: Array) -> Load:
+        """Forces of the tool, and what is known."""
+        dead = self._loaded.with_forces(self._frame(theta).force)
+        return Load(dead, self.unknowns.pressures)
 
     def _frame(self, theta: Array) -> TouchFrame:
         assert self.unknowns.tool is not None
@@ -53,4 +55,5 @@ class ToolResponse(Response):
 
     @property
     def _loaded(self) -> LoadedBody:
-        return LoadedBody(self.body, self.unknowns.known, self.unknowns.pressures)
+        load = Load(self.unknowns.known, self.unknowns.pressures)
+        return LoadedBody(self.predictor, load)

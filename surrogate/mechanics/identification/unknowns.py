@@ -25,8 +25,8 @@ from shared_schema.common.bodies.force_tolerance import mean_edge
 from shared_schema.common.errors import InputError
 from shared_schema.tools import Tool
 from surrogate.mechanics.body.geometry import Geometry
-from surrogate.mechanics.body.given_load import following, given_load
 from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
+from surrogate.mechanics.statics.load import Load, given_load
 
 Array = NDArray[np.float64]
 
@@ -108,7 +108,7 @@ class Unknowns:
         if tool is not None:
             names = tuple(f"{TOOL} {axis}" for axis in AXES[: geometry.dimension])
             none = np.empty((0, *known.load.shape))
-            of_load = following(known)
+            of_load = FollowerPressure.of_load(known)
             return cls(names, known.load, none, np.empty(0), tool=tool, pressures=of_load)
         if len(set(texts)) < len(texts):
             raise InputError(f"unknown: {', '.join(texts)}: expected each once")
@@ -150,24 +150,18 @@ class Unknowns:
         with np.errstate(over="ignore"):
             return np.asarray(self.moduli * np.exp(theta[len(theta) - len(self.moduli) :]))
 
-    def forces(self, theta: Array) -> Array:
-        """f(θ) in N, for a body of E₀ if its own is sought: (..., n) → (..., *, d)."""
+    def load(self, theta: Array) -> Load:
+        """f(θ) and p(θ) of N sets of parameters, (N, p), or of one, for a body of E₀."""
         count = len(self.patterns)
-        total = self.known + np.tensordot(theta[..., :count], self.patterns, axes=1)
-        if self.softens:
-            total = total * np.exp(-theta[..., -1, None, None])
-        return np.asarray(total)
-
-    def pressure(self, theta: Array) -> FollowerPressure | None:
-        """p(θ) of N sets of parameters, (N, p) or (p,), likewise."""
+        dead = self.known + np.tensordot(theta[..., :count], self.patterns, axes=1)
+        factor = np.exp(-theta[..., -1:]) if self.softens else np.ones(1)
+        load = Load(dead * factor[..., None])
         if self.pressures is None:
-            return None
-        count, values = len(self.patterns), self.pressures.pressures
+            return load
+        values = self.pressures.pressures
         sought = np.atleast_2d(theta)[:, count : count + len(values) - 1]
-        total = values[0] + sought @ values[1:]
-        if self.softens:
-            total = total * np.exp(-theta[..., -1:])
-        return replace(self.pressures, pressures=total)
+        pressures = (values[0] + sought @ values[1:]) * factor
+        return replace(load, pressure=replace(self.pressures, pressures=pressures))
 
     @property
     def at_rest(self) -> tuple[Array, Array]:
@@ -217,7 +211,7 @@ def pressures_of(
     both = CommandLoads(geometry.loaded_body)
     both.surfaces = [*known.surfaces, *units.surfaces]
     both.pressures = [*known.pressures, *units.pressures]
-    found = following(both)
+    found = FollowerPressure.of_load(both)
     if found is None:
         return None
     values = np.eye(1 + len(groups), len(both.pressures), len(known.pressures) - 1)

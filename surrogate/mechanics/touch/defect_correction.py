@@ -37,7 +37,8 @@ from numpy.typing import NDArray
 
 from surrogate.mechanics.descent.driven_body import longest
 from surrogate.mechanics.descent.first_direction import first_direction
-from surrogate.mechanics.touch.body import Body, LoadedBody, Predict
+from surrogate.mechanics.statics.prediction import Predictor
+from surrogate.mechanics.touch.loaded_body import LoadedBody, Predict
 from surrogate.mechanics.touch.search import part_of
 
 Array = NDArray[np.float64]
@@ -59,7 +60,7 @@ class DefectCorrection:
 
     Parameters
     ----------
-    model : Body
+    model : Predictor
     wanted : bool, optional
         Whether there is one; by default, of all predictions but those of load series.
 
@@ -77,7 +78,7 @@ class DefectCorrection:
     shift: Array
     error: float
 
-    def __init__(self, model: Body, wanted: bool | None = None) -> None:
+    def __init__(self, model: Predictor, wanted: bool | None = None) -> None:
         self.body, self.wanted = (
             LoadedBody.of(model),
             not model.has_series if wanted is None else wanted,
@@ -87,7 +88,7 @@ class DefectCorrection:
 
     def forget(self) -> None:
         """Begin at rest, with no shift."""
-        zero = np.zeros(self.body.model.geometry.coordinates.shape)
+        zero = np.zeros(self.body.model.body.geometry.coordinates.shape)
         self.shift = self._field = self._force = self._further = self._grown = zero
         self._step, self._way, self._effect = zero, 0.0, 0.0
         self.error, self._looked_at = 0.0, zero

@@ -25,10 +25,11 @@ from numpy.typing import NDArray
 from shared_schema.common.errors import WorkError
 from surrogate.mechanics.certify.correction import Correction
 from surrogate.mechanics.descent.aim import require_positive
-from surrogate.mechanics.touch.body import Body, LoadedBody, Predict
+from surrogate.mechanics.statics.prediction import Predictor
 from surrogate.mechanics.touch.condition import Condition
 from surrogate.mechanics.touch.defect_correction import ROUGHLY, DefectCorrection
 from surrogate.mechanics.touch.linear_body import LinearBody
+from surrogate.mechanics.touch.loaded_body import LoadedBody, Predict
 from surrogate.mechanics.touch.search import Bend, Search, Shown, halved_steps
 
 Array = NDArray[np.float64]
@@ -42,7 +43,7 @@ class Frames(ABC, Generic[C, F]):
 
     Parameters
     ----------
-    model : Surrogate
+    model : Surrogate, or Series
     components : array of int, (m,)
         Degrees of freedom of the points of its elements where forces are unknown.
     tolerance : float
@@ -58,11 +59,11 @@ class Frames(ABC, Generic[C, F]):
     """
 
     def __init__(
-        self, model: Body, components: Numbers, tolerance: float, corrected: bool | None
+        self, model: Predictor, components: Numbers, tolerance: float, corrected: bool | None
     ) -> None:
         require_positive("tolerance", tolerance)
         self.tolerance, self._model = tolerance, model
-        self._body = LinearBody(model.equilibrium, components)
+        self._body = LinearBody(model.body.equilibrium, components)
         self._defect = DefectCorrection(model, corrected)
         self._begin_at_rest()
 
@@ -71,7 +72,7 @@ class Frames(ABC, Generic[C, F]):
         self._body.forget()
         self._defect.forget()
         self._bend, self._holds = Bend(self._body), True
-        field, nothing = np.zeros(self._model.geometry.coordinates.shape), self._body.at_rest
+        field, nothing = np.zeros(self._model.body.geometry.coordinates.shape), self._body.at_rest
         self._shown, self._loaded = Shown(field, nothing, nothing), LoadedBody.of(self._model)
         self._shown_by: object = None
         self._condition: C | None = None
@@ -143,7 +144,7 @@ class Frames(ABC, Generic[C, F]):
         WorkError
             If no stable equilibrium is found.
         """
-        u, force = loaded.at_points(self._shown.field, loaded.dead)[None], self._shown.force
+        u, force = loaded.at_points(self._shown.field, loaded.load.dead)[None], self._shown.force
         if loaded.equilibrium.inverted(u)[0]:
             u, force = 0 * u, 0 * force
         try:
@@ -188,6 +189,6 @@ class Frames(ABC, Generic[C, F]):
     def _felt(self, condition: C, now: Shown, change: Array) -> float:
         """How much forces would change with a change of the field in m, over their size."""
         if self._body.between:
-            change = self._model.equilibrium.interpolated(change[None])
+            change = self._model.body.equilibrium.interpolated(change[None])
         moved = change.ravel()[self._body.components]
         return condition.felt(self._body, moved, now.u, now.force)

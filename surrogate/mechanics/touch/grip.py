@@ -35,9 +35,10 @@ from shared_schema.common.errors import InputError, WorkError
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.certify.correction import Correction, stable_state
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
-from surrogate.mechanics.touch.body import Beside, Body, LoadedBody, Predict
+from surrogate.mechanics.statics.prediction import Predictor
 from surrogate.mechanics.touch.condition import Held as HeldComponents
 from surrogate.mechanics.touch.frames import Frames
+from surrogate.mechanics.touch.loaded_body import Beside, LoadedBody, Predict
 
 Array = NDArray[np.float64]
 Held: TypeAlias = Mapping[str, Sequence[float | None]] | Sequence[str]
@@ -82,7 +83,7 @@ class Grip(Frames[HeldComponents, GripFrame]):
 
     Parameters
     ----------
-    model : Surrogate
+    model : Surrogate, or Series
     held : sequence of str, or mapping of str to displacements
         Places of nodes, such as "4,1", and named groups of the mesh, whose nodes all move by the
         same displacement; also as ``--hold`` takes them, such as "4,1:0.02,-". A mapping from
@@ -113,16 +114,16 @@ class Grip(Frames[HeldComponents, GripFrame]):
 
     def __init__(
         self,
-        model: Body,
+        model: Predictor,
         held: Held,
         nearest: bool = False,
         *,
         tolerance: float = TOLERANCE,
         corrected: bool | None = None,
     ) -> None:
-        together = CommandLoads(model.geometry.loaded_body)
+        together = CommandLoads(model.body.geometry.loaded_body)
         places, displacements = [], []
-        for text in _texts(held, model.geometry.dimension):
+        for text in _texts(held, model.body.geometry.dimension):
             before = together.moved.copy()
             together.move(text, nearest)
             places.append(together.moved & ~before)
@@ -131,7 +132,7 @@ class Grip(Frames[HeldComponents, GripFrame]):
         self.components = read_only(np.array(places))
         self.displacements = read_only(np.array(displacements))
         self.notes = tuple(together.notes)
-        components = np.flatnonzero(at_points(model.geometry, together.moved))
+        components = np.flatnonzero(at_points(model.body.geometry, together.moved))
         super().__init__(model, components, tolerance, corrected)
 
     @checked_arguments
@@ -187,7 +188,7 @@ class Grip(Frames[HeldComponents, GripFrame]):
                 "in m, one of each place"
             )
         wanted = np.einsum("pd,pnd->nd", moved, self.components)
-        at_points = self._model.equilibrium.interpolated(wanted[None])
+        at_points = self._model.body.equilibrium.interpolated(wanted[None])
         held = HeldComponents(at_points.ravel()[self._body.components])
         return held, LoadedBody.of(self._model, load)
 
@@ -200,7 +201,7 @@ class Grip(Frames[HeldComponents, GripFrame]):
     @cached_property
     def _supported(self) -> Equilibrium:
         """The body with supports where it is held."""
-        body, fixed = self._model.equilibrium, ~self._model.equilibrium.free
+        body, fixed = self._model.body.equilibrium, ~self._model.body.equilibrium.free
         fixed.ravel()[self._body.components] = True
         supports = replace(body.geometry, single=fixed, clamped=np.asarray(fixed.all(axis=1)))
         materials = body.solid.materials
@@ -213,7 +214,7 @@ class Grip(Frames[HeldComponents, GripFrame]):
         components, body = self._body.components, self._supported
         if loaded.pressure is not None:
             body = body.under(loaded.pressure)
-        f, moved = loaded.equilibrium.forces_at_points(loaded.dead[None]), np.zeros_like(u)
+        f, moved = loaded.equilibrium.forces_at_points(loaded.load.dead[None]), np.zeros_like(u)
         moved.ravel()[components] = condition.target - u.ravel()[components]
         found = stable_state(body, f, lifted(body, u, f, moved), START)
         out = loaded.equilibrium.out_of_balance(found.displacement[None], f)

@@ -27,8 +27,9 @@ from shared_schema.common.errors import WorkError
 from shared_schema.tools import Contact, Tool, require_outside
 from surrogate.mechanics.certify.correction import Correction, stable_state
 from surrogate.mechanics.equilibrium.tool_springs import ToolSprings
-from surrogate.mechanics.touch.body import Beside, Body, LoadedBody, Predict
+from surrogate.mechanics.statics.prediction import Predictor
 from surrogate.mechanics.touch.frames import Frames
+from surrogate.mechanics.touch.loaded_body import Beside, LoadedBody, Predict
 from surrogate.mechanics.touch.tool_contact import ToolContact
 
 Array = NDArray[np.float64]
@@ -75,7 +76,7 @@ class Touch(Frames[ToolContact, TouchFrame]):
 
     Parameters
     ----------
-    model : Surrogate
+    model : Surrogate, or Series
     tolerance : float
         Largest depth of a node, and distance of one that bears a force, over the largest
         displacement.
@@ -95,9 +96,9 @@ class Touch(Frames[ToolContact, TouchFrame]):
     """
 
     def __init__(
-        self, model: Body, tolerance: float = TOLERANCE, corrected: bool | None = None
+        self, model: Predictor, tolerance: float = TOLERANCE, corrected: bool | None = None
     ) -> None:
-        geometry = model.geometry
+        geometry = model.body.geometry
         on_surface = np.asarray(geometry.surface_nodes, np.int64)
         self.surface: Numbers = read_only(on_surface[geometry.free[on_surface].any(axis=1)])
         self._at_rest = geometry.coordinates[self.surface]
@@ -151,13 +152,13 @@ class Touch(Frames[ToolContact, TouchFrame]):
 
     def _given(self, tool: Tool, load: Beside) -> tuple[ToolContact, LoadedBody]:
         """The contact with a tool, which can come to its place, and the body under the load."""
-        require_outside(tool, self._model.geometry.coordinates, self._model.geometry.free)
+        require_outside(tool, self._model.body.geometry.coordinates, self._model.body.geometry.free)
         return ToolContact(tool, self._at_rest), LoadedBody.of(self._model, load)
 
     def _frame(self, predictions: int, correction: Correction | None = None) -> TouchFrame:
         """Describe what is shown."""
         assert self._condition is not None
-        geometry, field = self._model.geometry, self._shown.field
+        geometry, field = self._model.body.geometry, self._shown.field
         force = self._body.load(self._shown.force[None])[0]
         gap = self._condition.tool.gap(geometry.coordinates + field)
         depth = max(0.0, -float(gap.min()))
@@ -192,7 +193,7 @@ class Touch(Frames[ToolContact, TouchFrame]):
     @cached_property
     def _stiffness(self) -> Array:
         """Stiffness k of the springs in N/m, (n,)."""
-        body = self._model.equilibrium
+        body = self._model.body.equilibrium
         layout, stiffness = body.layout, np.zeros(body.free.size)
         at_rest = layout.assembled(body.solid.stiffness_at_rest())[0]
         stiffness[layout.dofs] = layout.diagonal(at_rest)
@@ -207,7 +208,7 @@ class Touch(Frames[ToolContact, TouchFrame]):
     ) -> tuple[Correction, Array]:
         """Equilibrium in which λ are the forces of the springs."""
         iterations, left, relative = 0, 0, FIRST
-        f = loaded.equilibrium.forces_at_points(loaded.dead[None])
+        f = loaded.equilibrium.forces_at_points(loaded.load.dead[None])
         sizes = np.linalg.norm(force.reshape(self._at_rest.shape), axis=1)
         springs = self._springs(condition, sizes)
         for _ in range(ROUNDS):
@@ -236,7 +237,7 @@ class Touch(Frames[ToolContact, TouchFrame]):
         last, loaded, force = self._condition, self._loaded, self._shown.force
         force = force.reshape(self._at_rest.shape)
         sizes, respond = np.linalg.norm(force, axis=1), None
-        u, bear = loaded.at_points(self._shown.field, loaded.dead), np.flatnonzero(sizes)
+        u, bear = loaded.at_points(self._shown.field, loaded.load.dead), np.flatnonzero(sizes)
         if last is not None and len(bear):
             respond = loaded.equilibrium.against(self._springs(last, sizes)).response_at(u)
         if last is None or respond is None:

@@ -8,8 +8,9 @@ from typing import TypeVar
 
 from shared_schema.common.bodies.command_loads import CommandLoads
 from shared_schema.tools import Tool, parse_tool
-from surrogate.mechanics.touch.body import Body, LoadedBody
+from surrogate.mechanics.statics.prediction import Predictor
 from surrogate.mechanics.touch.grip import Grip, GripFrame, Held
+from surrogate.mechanics.touch.loaded_body import LoadedBody
 from surrogate.mechanics.touch.touch import Touch, TouchFrame
 
 SINGLE = 1e-4  # tolerance of a contact that is no frame
@@ -18,7 +19,12 @@ F = TypeVar("F", GripFrame, TouchFrame)
 
 
 def gripped(
-    model: Body, held: Held, given: CommandLoads, nearest: bool, correct: bool, aim: float | None
+    model: Predictor,
+    held: Held,
+    given: CommandLoads,
+    nearest: bool,
+    correct: bool,
+    aim: float | None,
 ) -> GripFrame:
     """Find the forces of grips; InputError and WorkError as `Grip` and `Grip.move`."""
     grip = Grip(model, held, nearest, tolerance=HELD)
@@ -28,11 +34,11 @@ def gripped(
 
 
 def pushed(
-    model: Body, tool: str | Tool, given: CommandLoads, correct: bool, aim: float | None
+    model: Predictor, tool: str | Tool, given: CommandLoads, correct: bool, aim: float | None
 ) -> TouchFrame:
     """Find the forces of a tool; InputError and WorkError as `parse_tool` and `Touch.move`."""
     if isinstance(tool, str):
-        tool = parse_tool(tool, model.geometry.dimension)
+        tool = parse_tool(tool, model.body.geometry.dimension)
     touch = Touch(model, min(SINGLE, aim or SINGLE))
     ways = partial(touch.move, tool), partial(touch.correct, tool)
     return _shown(*ways, LoadedBody.of(model, given), correct, aim)

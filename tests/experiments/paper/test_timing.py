@@ -69,7 +69,7 @@ def test_weights_are_drawn_once_or_for_every_prediction(
 ) -> None:
     """One prediction of the warm-up and one that is timed; 5 passes of every parameter."""
     surrogate = resources.surrogate("beam2d-vb")
-    surrogate.passes.forget()
+    surrogate.predictor.passes.forget()
     draw, drawn = GaussianParameter.draw, []
 
     def counted(self: GaussianParameter, generators: Sequence[torch.Generator]) -> torch.Tensor:

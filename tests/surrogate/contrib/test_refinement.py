@@ -27,7 +27,7 @@ def descent(trained: Path) -> Descent:
     surrogate = load(trained)
     data = surrogate.description.data
     family = random_loads("trained", surrogate.geometry, data.info.force.max_abs, data.load_numbers)
-    return Descent(surrogate.equilibrium, family, REFINEMENT)
+    return Descent(surrogate.body.equilibrium, family, REFINEMENT)
 
 
 def test_gradient_of_the_potential_energy(descent: Descent) -> None:

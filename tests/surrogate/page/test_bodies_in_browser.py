@@ -14,7 +14,7 @@ import pytest
 from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.inference.loading import load
 from surrogate.learning.training.loop import train
-from surrogate.mechanics.body.given_load import given_load
+from surrogate.mechanics.statics.load import given_load
 from surrogate.page.page import write_page
 from tests.surrogate.learning.inference.test_export import embedded
 from tests.surrogate.page.browser import OpenPage

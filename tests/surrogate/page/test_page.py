@@ -113,7 +113,7 @@ def test_response_of_a_force_on_an_embedded_grid(dataset: Dataset, tmp_path: Pat
         :, None
     ]
     spread = spread_of(geometry).T @ force
-    found = model.equilibrium.linear_response(spread[None])[0]
+    found = model.body.equilibrium.linear_response(spread[None])[0]
     assert isinstance(model.network.linear, LinearResponse)
     expected = responses(model, torch.from_numpy(force[None].astype(np.float32)))[0].numpy()
     np.testing.assert_allclose(found, expected, atol=1e-5 * np.abs(expected).max())

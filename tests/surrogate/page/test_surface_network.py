@@ -15,7 +15,7 @@ from shared_schema.common.errors import InputError
 from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.inference.loading import load
 from surrogate.learning.training.loop import train
-from surrogate.mechanics.body.given_load import given_load
+from surrogate.mechanics.statics.load import given_load
 from surrogate.page import body
 from surrogate.page.page import write_page
 from surrogate.page.page_loads import page_loads

@@ -23,7 +23,7 @@ from websockets.sync.client import connect
 
 from surrogate.learning.inference.loading import load
 from surrogate.learning.inference.surrogate import Surrogate
-from surrogate.mechanics.body.given_load import given_load
+from surrogate.mechanics.statics.load import given_load
 from surrogate.runtime.time_limit import require_time
 from surrogate.serving.admission import Admission
 from surrogate.serving.server import (

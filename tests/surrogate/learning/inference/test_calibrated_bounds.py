@@ -145,7 +145,7 @@ def test_corrections_take_the_place_of_a_dataset(run: Path, data: Path) -> None:
     forces = dataset.nodal_train(rows).force
     samples = HeldOut.corrected(surrogate, forces, 10, 0)
     assert 0 < len(samples.force) <= len(forces)
-    residual = surrogate.equilibrium.out_of_balance(samples.truth, samples.force)
+    residual = surrogate.body.equilibrium.out_of_balance(samples.truth, samples.force)
     assert np.abs(residual).max() <= 1e-8
     fast = fit_on_samples(surrogate, samples)
     assert len(fast.ratios["mean"]) == len(samples.force)

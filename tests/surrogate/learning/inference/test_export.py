@@ -150,7 +150,7 @@ def test_mean_weights(bayes: Path, tmp_path: Path) -> None:
     model = load(bayes)
     forces = some_forces(model, 3)
     with torch.no_grad():
-        mean, std = model.nodal_network(torch.from_numpy(forces.astype(np.float32)))
+        mean, std = model.predictor.network(torch.from_numpy(forces.astype(np.float32)))
     assert std is not None
     assert_same(run_file(path, forces), {"displacement": mean[0].numpy(), "std": std[0].numpy()})
 
@@ -193,10 +193,10 @@ def test_refusals(
         ("expected a file name ending in .pt2", (deterministic, out), {"format": "pt2"}),
         ("no such folder", (deterministic, tmp_path / "nowhere" / "a.onnx"), {}),
         ("no run there", (tmp_path, out), {}),
-        ("--passes 3: passes of this network do not", (deterministic, out), {"passes": 3}),
+        ("passes 3: passes of this network do not", (deterministic, out), {"passes": 3}),
         ("passes = 0, expected 1", (bayes, out), {"passes": 0}),
         ("seed = -1, expected 0", (bayes, out), {"passes": 3, "seed": -1}),
-        ("--seed 3: expected beside --passes", (bayes, out), {"seed": 3}),
+        ("seed 3: expected beside passes", (bayes, out), {"seed": 3}),
     ]
     for message, paths, options in cases:
         with pytest.raises(InputError, match=message):

@@ -59,7 +59,7 @@ def test_gradient_without_a_load_is_the_linear_response(name: str) -> None:
     tip, shape = model.geometry.tip, model.geometry.coordinates.shape
     unit = np.zeros(shape)
     unit[tip, 1] = 1.0
-    expected = model.equilibrium.linear_response(unit[None])[0, tip, 1]
+    expected = model.body.equilibrium.linear_response(unit[None])[0, tip, 1]
     for load in (0.0, 1e-20):
         given = torch.zeros((2, *shape), dtype=torch.float64)
         given[1, tip, 1] = load

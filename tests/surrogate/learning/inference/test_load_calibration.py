@@ -13,7 +13,7 @@ from shared_schema.common.errors import InputError
 from surrogate.command_line import main
 from surrogate.learning.inference.fresh_loads import drawn_loads
 from surrogate.learning.runs.shelf import SHELF
-from surrogate.mechanics.body.given_load import separated
+from surrogate.mechanics.statics.load import separated
 
 
 @pytest.fixture(scope="module")

@@ -28,7 +28,7 @@ def run(dataset: Dataset, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def whole(model: Surrogate) -> ModalEquilibrium:
     """The equilibrium by all quadrature points."""
-    solid = model.equilibrium.solid
+    solid = model.body.equilibrium.solid
     volumes = solid.volumes.numpy()
     cells, points = np.divmod(np.arange(volumes.size), volumes.shape[1])
     every = Cubature(cells, points, volumes.ravel())
@@ -41,7 +41,7 @@ def test_energy_and_derivatives_are_those_of_the_solid(run: Path) -> None:
     body, modes = whole(model), modes_of(model)
     a = np.random.default_rng(0).normal(size=len(modes)) * 0.1
     u = torch.from_numpy(np.einsum("m,mni->ni", a, modes)[None])
-    solid, gradient = model.equilibrium.solid, np.empty_like(a)
+    solid, gradient = model.body.equilibrium.solid, np.empty_like(a)
     energy = energy_at(body.points, a, np.zeros_like(a), gradient)
     assert energy == pytest.approx(float(solid.energy(u)), rel=1e-4)
     forces = solid.internal_forces(u)[0].numpy()
@@ -71,7 +71,7 @@ def test_the_search_ends_where_the_forces_in_modes_balance(run: Path) -> None:
 
 def test_a_few_points_are_as_good_as_all(run: Path, dataset: Dataset) -> None:
     model, few = load(run), load(run)
-    solid = model.equilibrium.solid
+    solid = model.body.equilibrium.solid
     unit = float(model.network.force_scale * model.network.displacement_scale.flatten()[0])
     model.network.network.equilibrium = BalancedCoefficients(whole(model), unit)  # type: ignore[assignment]
     cubature = fit_balance(few, points=40, loads=30)
@@ -84,7 +84,9 @@ def test_a_few_points_are_as_good_as_all(run: Path, dataset: Dataset) -> None:
     assert np.abs(found - exact).mean() < 0.02 * np.abs(truth).mean()
     np.testing.assert_allclose(few.averaged_passes(force).mean, found, atol=1e-5)
     alone = 1e-4 * force[:4]  # answered as by a linear body
-    linear = np.stack([np.asarray(few.equilibrium.newton_step(*at_rest(few, f))[0]) for f in alone])
+    linear = np.stack(
+        [np.asarray(few.body.equilibrium.newton_step(*at_rest(few, f))[0]) for f in alone]
+    )
     size = np.abs(linear).max()
     np.testing.assert_allclose(few.predict(alone), linear[:, 0], atol=2e-3 * size)
 
@@ -92,7 +94,7 @@ def test_a_few_points_are_as_good_as_all(run: Path, dataset: Dataset) -> None:
 def at_rest(model: Surrogate, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The undeformed body, and what is out of balance there."""
     nothing = np.zeros((1, *force.shape))
-    return nothing, model.equilibrium.out_of_balance(nothing, force[None])
+    return nothing, model.body.equilibrium.out_of_balance(nothing, force[None])
 
 
 def test_predictions_are_differentiable_by_the_forces(run: Path, dataset: Dataset) -> None:
@@ -127,5 +129,5 @@ def test_a_run_keeps_its_cubature_and_a_file_has_the_network_alone(
 def test_other_networks_are_refused(trained_bayes: Path, run: Path) -> None:
     with pytest.raises(InputError, match="expected a single deterministic reduced network"):
         fit_balance(load(trained_bayes))
-    with pytest.raises(InputError, match="--points 0: expected 1 at least"):
+    with pytest.raises(InputError, match="points 0: expected 1 at least"):
         fit_balance(load(run), points=0)

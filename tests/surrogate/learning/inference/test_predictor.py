@@ -122,12 +122,12 @@ def test_response_alone(
         return
     series = model.predictor.series
     assert series is not None
-    assert isinstance(series._of_forces, SmallSeries) != large
+    assert isinstance(series.terms._of_forces, SmallSeries) != large
     monkeypatch.setattr(body_series, "COMPILES", False)
     plain = untrained(dataset, model="series", series_order=order)
     expected, of_plain = plain.predictor.respond(force)
     assert plain.predictor.series is not None
-    assert not plain.predictor.series.compiled
+    assert not plain.predictor.series.terms.compiled
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6 * np.abs(expected).max())
     np.testing.assert_allclose(last[:3], of_plain[:3], rtol=1e-4)
 

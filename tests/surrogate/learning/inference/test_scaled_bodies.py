@@ -49,7 +49,7 @@ def test_lengths_stiffnesses_and_loads_of_any_size(
     dead = geometry.pressed is None
     predicted, alone = model.predict(force), model.predict(force[0])
     size = np.abs(predicted).max()
-    linear = model.equilibrium.linear_response(force)
+    linear = model.body.equilibrium.linear_response(force)
     if dead:
         certificate, fast = model.certify(force, predicted), model.fast_estimate(force, predicted)
         correction = model.correct(force[0], predicted[0])
@@ -59,7 +59,7 @@ def test_lengths_stiffnesses_and_loads_of_any_size(
         many, one = other.predict(unit * force), other.predict(unit * force[0])
         assert many / length == pytest.approx(predicted, abs=SINGLE * size)
         assert one / length == pytest.approx(alone, abs=SINGLE * size)
-        found = other.equilibrium.linear_response(unit * force)
+        found = other.body.equilibrium.linear_response(unit * force)
         assert found / length == pytest.approx(linear, abs=1e-8 * size)
         if not dead:
             continue

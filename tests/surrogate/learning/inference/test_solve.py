@@ -14,11 +14,11 @@ import surrogate
 from shared_schema.common.errors import InputError
 from surrogate.command_line import main
 from surrogate.learning.inference.proposal import propose
-from surrogate.mechanics.body.given_load import separated
 from surrogate.mechanics.certify.fast_certificate import Bounds
 from surrogate.mechanics.certify.full_certificate import Certificate
 from surrogate.mechanics.descent.first_direction import exceeds_motion
 from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
+from surrogate.mechanics.statics.load import separated
 
 FINGER_TIP = (-0.001694881208, 0.00120293664, -0.01937389141)  # in m, by datagen
 PUSHED = ["notches:1000", "0.0879998235442,0,0.00794686562931:0,0.02,0"]
@@ -206,9 +206,9 @@ def test_unusual_loads_are_logged_and_kept(
 @pytest.mark.parametrize(
     ("load", "options", "part"),
     [
-        (LOAD, {"tolerance": 1e-3, "correct": True}, "--tolerance 0.001: expected --certify"),
-        (LOAD, {"level": 0.9}, "--level 0.9: expected beside --certify fast"),
-        (LOAD, {"passes": 3}, "--passes 3: passes of this network do not differ"),
+        (LOAD, {"tolerance": 1e-3, "correct": True}, "tolerance 0.001: expected certify"),
+        (LOAD, {"level": 0.9}, "level 0.9: expected beside certify="),
+        (LOAD, {"passes": 3}, "passes 3: passes of this network do not differ"),
         (LOAD, {"conformal": "marginal"}, "no conformal intervals in the run"),
         ("4.1,1:0,-1", {}, "no node stands there"),
         ([], {}, "no load, expected"),
@@ -273,7 +273,7 @@ def test_pressure_is_certified_and_corrected(
     with pytest.raises(InputError, match="the case has none"):
         beam.certify(np.zeros_like(beam.geometry.coordinates), pressure=1)
     assert corrected.reaction is not None
-    pushed = model.equilibrium.under(_pressure(model, 1000)).pressure
+    pushed = model.body.equilibrium.under(_pressure(model, 1000)).pressure
     assert pushed is not None
     balance = corrected.reaction + pushed.forces(found[None])[0]
     assert balance.sum(axis=0) == pytest.approx([0, -0.02, 0], abs=1e-9)

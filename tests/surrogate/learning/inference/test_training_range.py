@@ -15,7 +15,7 @@ from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.data.load_range import LoadRange, PressedNodes, known_families, load_range
 from surrogate.learning.inference.training_range import TrainingRange, forces_to_grid
 from surrogate.learning.runs.folder import RunFolder
-from surrogate.mechanics.body.given_load import given_load
+from surrogate.mechanics.statics.load import given_load
 
 
 @pytest.fixture

@@ -9,8 +9,7 @@ import pytest
 
 import surrogate
 from shared_schema.common.bodies.displacement_size import UNITS as CONSISTENT
-from surrogate.learning.inference.loading import make_surrogate
-from surrogate.learning.inference.surrogate import Surrogate
+from surrogate.learning.inference.surrogate import Surrogate, make_surrogate
 from surrogate.learning.runs.folder import RunFolder
 from surrogate.learning.runs.shelf import find_run
 from tests.surrogate.scaled import scaled

@@ -72,9 +72,9 @@ def test_held_in_every_prediction(coarse: Dataset, kind: str, single: bool) -> N
     model = untrained(body, **KINDS[kind])
     held, forces = model.geometry.held, loads(model)
     together = model.predict(forces)
-    model.passes.draw(0, range(5))
+    model.predictor.passes.draw(0, range(5))
     with torch.inference_mode():
-        passes = model.nodal_network(
+        passes = model.predictor.network(
             torch.from_numpy(forces).float(), 5 if model.is_stochastic else 1
         )
     fields = [together, model.predict(forces[0])[None], passes.mean[0].numpy()]

@@ -123,7 +123,7 @@ def test_factors_fade_beyond_the_training_range(evaluated: Path) -> None:
     force = torch.zeros(3, *model.geometry.coordinates.shape)
     limit = max(model.description.data.info.force.max_abs)
     force[:, 31, 1] = torch.tensor([0.5, -1.0, 2.0]) * limit
-    aleatoric, epistemic = model.nodal_network.factors(force)
+    aleatoric, epistemic = model.predictor.network.factors(force)
     assert aleatoric.shape == (3, 1, 1)
     torch.testing.assert_close(aleatoric.flatten(), torch.tensor([0.4, 0.4, 0.4 ** (1 / 16)]))
     torch.testing.assert_close(epistemic.flatten(), torch.tensor([0.9, 0.9, 0.9 ** (1 / 16)]))

@@ -103,7 +103,7 @@ def learns(data: Path, run: Path, network: str, likelihood: str, epochs: int) ->
     lower, upper = evaluation.intervals.bounds("marginal", found.mean, model.score_scale(found))
     np.testing.assert_array_equal((upper - lower)[:, held], 0)
     assert (upper - lower)[:, ~held].min() > 0
-    alone, function = model.predict(force[0]), NodalFunction(model.nodal_network, None)
+    alone, function = model.predict(force[0]), NodalFunction(model.predictor.network, None)
     largest = np.abs(found.mean).max()
     np.testing.assert_array_equal(alone[held], 0)
     if not model.is_stochastic:

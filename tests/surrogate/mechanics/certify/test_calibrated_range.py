@@ -84,7 +84,7 @@ def test_a_symmetric_residual_does_not_see_buckling(
     straight = (predicted + predicted[:, mirrored] * (1, -1)) / 2
     _, _, softest = beam.fast_estimate.with_stability(force, straight)
     assert softest[0] < 0
-    assert beam.equilibrium.response_at(straight[0]) is None
+    assert beam.body.equilibrium.response_at(straight[0]) is None
     monkeypatch.setattr(DrivenBody, "softest", lambda *state: 1.0)
     _, _, of_residual = beam.fast_estimate.with_stability(force, straight)
     assert of_residual[0] > 0.5
@@ -161,7 +161,7 @@ def test_batches_are_singles(beam: Surrogate) -> None:
         assert float(alone.mean) == pytest.approx(together.mean[number])
         assert float(alone.largest) == pytest.approx(together.largest[number])
         assert alone.reasons == (together.reasons[number],)
-    with pytest.raises(InputError, match=r"--level 0\.9999: 400 calibration samples"):
+    with pytest.raises(InputError, match=r"level 0\.9999: 400 calibration samples"):
         beam.bounds(forces, level=0.9999)
     assert beam.bounds(forces[:0]).reasons == ()
 

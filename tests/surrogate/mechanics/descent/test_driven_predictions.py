@@ -89,9 +89,9 @@ def test_wrong_options(beam: surrogate.Surrogate, forces: np.ndarray) -> None:
             beam.solve(LOAD, budget=value)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="pressure: the case has none"):
         beam.predict(forces, pressure=[1.0])
-    with pytest.raises(InputError, match=r"--tolerance 0\.001: expected --certify"):
+    with pytest.raises(InputError, match=r"tolerance 0\.001: expected certify"):
         beam.solve(LOAD, tolerance=1e-3, correct=True)
-    with pytest.raises(InputError, match="--budget 1: expected without --correct"):
+    with pytest.raises(InputError, match="budget 1: expected without correct"):
         beam.solve(LOAD, budget=1, correct=True)
 
 

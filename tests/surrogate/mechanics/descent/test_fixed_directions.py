@@ -96,11 +96,11 @@ def test_no_step_inverts_cells() -> None:
 
 def test_refused_bodies() -> None:
     for kind, count, message in [
-        ("quad", 0, "--directions 0: expected 1 to 100"),
+        ("quad", 0, "directions 0: expected 1 to 100"),
         (
             "quad, points between",
             2,
-            "--directions 2: expected a body of linear elements, under dead",
+            "directions 2: expected a body of linear elements, under dead",
         ),
         ("quad, mean dilation", 2, "linear elements"),
     ]:

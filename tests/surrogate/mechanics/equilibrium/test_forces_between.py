@@ -13,13 +13,13 @@ from shared_schema.common.bodies.cells import outward_facets
 from shared_schema.common.bodies.facet_quadrature import area_vectors
 from shared_schema.materials import NeoHookean
 from surrogate.mechanics.body.geometry import Geometry
-from surrogate.mechanics.body.given_load import separated
 from surrogate.mechanics.certify.correction import correct
 from surrogate.mechanics.certify.full_certificate import certify
 from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from surrogate.mechanics.equilibrium.stresses import cell_stresses, reactions
 from surrogate.mechanics.solids.deformation import completed, stress
+from surrogate.mechanics.statics.load import separated
 from tests.surrogate.mechanics.bodies import MATERIAL, box
 
 Array = np.ndarray

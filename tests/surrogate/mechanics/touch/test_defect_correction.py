@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 import surrogate
 from shared_schema.tools import Sphere
+from surrogate.mechanics.statics.load import Load
 from surrogate.mechanics.touch.defect_correction import DefectCorrection
 
 Array = NDArray[np.float64]
@@ -23,20 +22,14 @@ class WrongPredictions:
     has_series = False
 
     def __init__(self, model: surrogate.Surrogate) -> None:
-        self.geometry, self.equilibrium = model.geometry, model.equilibrium
-        self.driven_body, self._model = model.driven_body, model
+        self.body, self._model = model.body, model
 
-    def predict(self, forces: Any, **_: Any) -> Any:
-        return TOO_FAR * self._model.predict(forces)
+    def respond(self, loads: Load) -> tuple[Array, Array]:
+        found, last = self._model.respond(loads)
+        return TOO_FAR * found, last
 
-    @property
-    def predictor(self) -> Any:
-        return self._model.predictor
-
-    def descend(
-        self, dead: Any, pressure: Any, predicted: Any, aim: Any, last_term: Any = np.inf
-    ) -> Any:
-        return self._model.descend(dead, pressure, predicted, aim, last_term)
+    def predict(self, dead: Array) -> Array:
+        return self.respond(Load(dead))[0]
 
 
 @pytest.fixture(scope="module")
@@ -97,8 +90,8 @@ def test_shift_goes_on_as_errors_change(beam: surrogate.Surrogate) -> None:
     """Predictions of a softer body: their error grows, and is known from one frame to the next."""
 
     class Softer(WrongPredictions):
-        def predict(self, forces: Any, **_: Any) -> Any:
-            return self._model.predict(TOO_FAR * np.asarray(forces))
+        def respond(self, loads: Load) -> tuple[Array, Array]:
+            return self._model.respond(loads.part(TOO_FAR))
 
     heights = np.linspace(0, -0.33, FRAMES)
     grip, truth = surrogate.Grip(Softer(beam), [PLACE]), surrogate.Grip(beam, [PLACE])
@@ -159,7 +152,7 @@ def test_shift_that_does_not_help_is_given_up(beam: surrogate.Surrogate) -> None
     shift = defect.improve(beam.predict(force) * TOO_FAR, force)
     assert shift.any()
     inverted = beam.geometry.coordinates * (-2.0, 0.0)
-    assert beam.equilibrium.inverted(inverted[None])[0]
+    assert beam.body.equilibrium.inverted(inverted[None])[0]
     np.testing.assert_array_equal(defect.improve(inverted, force), -shift)
     assert not defect.shift.any()
 

@@ -140,7 +140,7 @@ def test_first_step_follows_the_parabola_of_the_last_frames(beam: surrogate.Surr
     """
 
     def softening(force: Any) -> Any:
-        linear = beam.equilibrium.linear_response(force[None])[0]
+        linear = beam.body.equilibrium.linear_response(force[None])[0]
         return linear * (1 + np.abs(linear).max())
 
     grip, path = surrogate.Grip(beam, [f"{PLACE}:-,0"]), -np.linspace(0.0, 0.6, 31)[1:]

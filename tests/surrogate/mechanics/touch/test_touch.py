@@ -58,9 +58,9 @@ def test_linear_body_learns(beam: surrogate.Surrogate) -> None:
     """Columns of K⁻¹ at rest; then the changes that it was told, symmetric and positive."""
     surface = beam.geometry.surface_nodes[~beam.geometry.clamped[beam.geometry.surface_nodes]]
     components = (2 * surface[:, None] + np.arange(2)).ravel()
-    body, forces = LinearBody(beam.equilibrium, components), np.zeros(len(components))
+    body, forces = LinearBody(beam.body.equilibrium, components), np.zeros(len(components))
     forces[[10, 11, 19]] = 0.1, -0.2, 0.3
-    linear = beam.equilibrium.linear_response(body.load(forces[None]))[0].ravel()[components]
+    linear = beam.body.equilibrium.linear_response(body.load(forces[None]))[0].ravel()[components]
     np.testing.assert_allclose(body.moved(forces), linear, atol=1e-12)
     np.testing.assert_allclose(body.forces_for(linear), forces, atol=1e-9)
     for share in (0.5, 1.5):  # softer, then stiffer than at rest
@@ -78,7 +78,7 @@ def test_frames_of_equal_moves_bend_alike(beam: surrogate.Surrogate) -> None:
     """Of a body whose displacement is a parabola of its forces, three frames tell the next ones."""
 
     def softening(force: Any) -> Any:
-        linear = beam.equilibrium.linear_response(force[None])[0]
+        linear = beam.body.equilibrium.linear_response(force[None])[0]
         return linear * (1 + np.abs(linear).max())
 
     touch = surrogate.Touch(beam)

@@ -1,13 +1,14 @@
-"""The load of a prediction: given as forces, or in the words of a command line.
+"""The load on a body: dead forces, and pressures that follow its surface.
 
-A load is nodal forces, and after these, of elements with points between the nodes, the forces there
-(`surrogate.mechanics.equilibrium.quadratic`).
+Dead forces are nodal ones, and after these, of elements with points between the nodes, the forces
+there (`surrogate.mechanics.equilibrium.quadratic`). A load is read from arrays, or from texts and
+files as a command takes them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeAlias
 
@@ -24,7 +25,80 @@ from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
 ROUNDING = 1e-6  # of a force in single precision, and more
 LARGEST_FORCE = float(np.finfo(np.float32).max)
 Array = NDArray[np.float64]
-Load: TypeAlias = ArrayLike | Tensor | str | Path | Sequence[str | Path]
+GivenLoad: TypeAlias = ArrayLike | Tensor | str | Path | Sequence[str | Path]
+
+
+@dataclass(frozen=True)
+class Load:
+    """What acts on a body in one load case, or in N of them.
+
+    Attributes
+    ----------
+    dead : array, (n_nodes or n_points, d) or with N before
+        Dead forces in N, with what acts between the nodes after the nodal ones.
+    pressure : FollowerPressure or None
+        Pressures of the load cases, which follow the surface.
+    """
+
+    dead: Array
+    pressure: FollowerPressure | None = None
+
+    @classmethod
+    def of(
+        cls,
+        geometry: Geometry,
+        load: GivenLoad | CommandLoads | None = None,
+        *,
+        nearest: bool = False,
+        body_force: str | Sequence[float] | None = None,
+    ) -> Load:
+        """Read one load case, as `given_load` does; no load at all is none."""
+        if not isinstance(load, CommandLoads):
+            given = () if load is None else load
+            load = given_load(geometry, given, nearest, body_force, needed=False)
+        between = load.between if load.between.any() else load.between[:0]
+        dead = np.concatenate([load.forces, between])
+        return cls(dead, FollowerPressure.of_load(load))
+
+    @classmethod
+    def told_apart(
+        cls, geometry: Geometry, forces: Array, pressure: ArrayLike | None = None
+    ) -> Load:
+        """Tell given pressures from the dead forces beside them.
+
+        Parameters
+        ----------
+        geometry : Geometry
+        forces : array, (n_nodes or n_points, d) or with N before
+            Checked loads in N, with the forces of pressures on the undeformed body.
+        pressure : array, (n_surfaces,) or (N, n_surfaces)
+            As of `checked_pressure`.
+        """
+        follows = checked_pressure(geometry, pressure, forces)
+        return cls(dead_part(geometry, forces, follows), follows)
+
+    def __getitem__(self, cases: int | slice) -> Load:
+        """One of N load cases, or some."""
+        some = slice(cases, cases + 1) if isinstance(cases, int) else cases
+        return Load(self.dead[cases], None if self.pressure is None else self.pressure[some])
+
+    @property
+    def cases(self) -> Load:
+        """All load cases, with N before; one as N = 1."""
+        return replace(self, dead=self.dead.reshape(-1, *self.dead.shape[-2:]))
+
+    def at_rest(self, geometry: Geometry) -> Array:
+        """Nodal forces in N, (n_nodes, d) or with N before, with pressures undeformed."""
+        nodal = self.dead[..., : len(geometry.coordinates), :]
+        if self.pressure is None:
+            return nodal
+        pushed = self.pressure.load[:, : nodal.shape[-2]] * geometry.free
+        return np.asarray(nodal + pushed.reshape(nodal.shape))
+
+    def part(self, share: float) -> Load:
+        """A part of the load."""
+        pressure = None if self.pressure is None else self.pressure.scaled(share)
+        return Load(share * self.dead, pressure)
 
 
 def fields_at_nodes(geometry: Geometry, values: ArrayLike | Tensor, name: str) -> Array:
@@ -137,14 +211,6 @@ def dead_part(geometry: Geometry, forces: Array, pressure: FollowerPressure | No
     return np.where(np.abs(dead) <= ROUNDING * size, 0.0, dead)
 
 
-def without_pressure(
-    geometry: Geometry, forces: Array, pressure: ArrayLike | None
-) -> tuple[Array, FollowerPressure | None]:
-    """Tell given pressures from the dead forces beside them: `checked_pressure`, `dead_part`."""
-    follows = checked_pressure(geometry, pressure, forces)
-    return dead_part(geometry, forces, follows), follows
-
-
 def separated(geometry: Geometry, forces: Array) -> tuple[Array, FollowerPressure | None]:
     """Tell the pressures of samples from their dead forces, which a dataset holds as one sum.
 
@@ -191,14 +257,9 @@ def separated(geometry: Geometry, forces: Array) -> tuple[Array, FollowerPressur
     return dead, pressure
 
 
-def following(given: CommandLoads) -> FollowerPressure | None:
-    """Pressures of a load as those of one load case; None if it has none."""
-    return FollowerPressure.of_load(given)
-
-
 def given_load(
     geometry: Geometry,
-    load: Load,
+    load: GivenLoad,
     nearest: bool = False,
     body_force: str | Sequence[float] | None = None,
     needed: bool = True,
@@ -233,7 +294,7 @@ def given_load(
         given = command_loads(body, texts, files, nearest=nearest, body_force=body_force)
         if given.surfaces and geometry.pressed is None:
             raise InputError(
-                "--load: a pressure, expected forces; the network was trained on these"
+                "load: a pressure, expected forces; the network was trained on these", "load"
             )
         return given
     given = CommandLoads(body)

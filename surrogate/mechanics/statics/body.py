@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,19 +17,22 @@ from shared_schema.common.arguments.real_numbers import real_numbers
 from shared_schema.common.bodies.force_tolerance import ForceTolerance
 from shared_schema.common.errors import InputError
 from shared_schema.common.keys.units import Units
+from shared_schema.dataset_reader import DatasetReader
+from shared_schema.grid import Grid, grid_arrays
 from shared_schema.materials import Materials, materials_of
-from surrogate.learning.networks.field_network import FieldNetwork
 from surrogate.mechanics.body.elements_of_case import (
     has_points_between,
     require_known_elements,
     require_nodes_alone,
     with_dilations,
+    with_elements,
 )
 from surrogate.mechanics.body.geometry import Geometry
-from surrogate.mechanics.body.given_load import checked_loads, fields_at_nodes, without_pressure
+from surrogate.mechanics.body.stiffness import case_of_moduli
 from surrogate.mechanics.equilibrium.compliance import Compliance
 from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
+from surrogate.mechanics.statics.load import Load, checked_loads, fields_at_nodes
 
 if TYPE_CHECKING:
     from surrogate.mechanics.certify import Certificate, Correction
@@ -75,10 +79,31 @@ class Body(Remade):
         self.geometry, self.case, self._shared, self._device = geometry, case, shared, device
 
     @classmethod
-    def of(cls, network: FieldNetwork, geometry: Geometry, case: Mapping[str, Any]) -> Body:
-        """Make the body that a network predicts on."""
-        shared = [module for module in network.modules() if isinstance(module, Compliance)]
-        return cls(geometry, case, shared, network.free.device)
+    def read(cls, folder: str | Path) -> Body:
+        """Read the body of a dataset, or of a folder that `datagen body` has made.
+
+        Raises
+        ------
+        InputError
+            If there is none, or a file is damaged.
+        """
+        reader = DatasetReader(Path(folder))
+        case, arrays = reader.manifest.case, reader.body
+        if reader.manifest.kind == "nodal":
+            arrays |= grid_arrays(Grid.in_a_row(*arrays["mesh/coordinates"].shape))
+        geometry = Geometry.from_arrays(arrays, reader.cell_type)
+        return cls(with_elements(geometry, case, reader.manifest.forces), case)
+
+    def with_young_moduli(self, moduli: Mapping[str, float]) -> Body:
+        """The body with other Young's moduli at rest in Pa, by group of its materials.
+
+        Raises
+        ------
+        InputError
+            If it is of one material, there is no such group, or a modulus is not positive and
+            finite.
+        """
+        return Body(self.geometry, case_of_moduli(self.case, self.material, moduli))
 
     @property
     def material(self) -> Materials:
@@ -142,21 +167,13 @@ class Body(Remade):
         return DrivenBody.of(self.equilibrium)
 
     def descend(
-        self,
-        dead: Array,
-        pressure: FollowerPressure | None,
-        predicted: Array,
-        aim: Aim,
-        last_term: float = math.inf,
+        self, load: Load, predicted: Array, aim: Aim, last_term: float = math.inf
     ) -> tuple[Array, Descent]:
         """Drive the prediction of one load towards the equilibrium, by directions.
 
         Parameters
         ----------
-        dead : array, (n_nodes or n_points, d)
-            Dead load in N.
-        pressure : FollowerPressure or None
-            Pressures of the load case, if the body's loads have some.
+        load : Load
         predicted : array, (n_nodes, d)
             In m.
         aim : Aim
@@ -171,44 +188,58 @@ class Body(Remade):
         """
         from surrogate.mechanics.descent import descend
 
-        return descend(self.driven_body.under(pressure), dead, predicted, aim, last_term)
+        body = self.driven_body.under(load.pressure)
+        return descend(body, load.dead, predicted, aim, last_term)
 
     @property
     def is_small(self) -> bool:
         """Whether K(0) is factorised in no time."""
         return self.geometry.coordinates.size <= LARGE
 
-    def one_direction(
-        self, dead: Array, pressure: FollowerPressure | None, displacement: Array
-    ) -> Array | None:
+    def one_direction(self, load: Load, displacement: Array) -> Array | None:
         """Estimated error in m by one direction; None if the learner does not know the body."""
         from surrogate.mechanics.descent.first_direction import first_direction
 
         try:
-            body = self.driven_body.under(pressure)
+            body = self.driven_body.under(load.pressure)
         except InputError:
             return None
-        found = first_direction(body, dead, displacement)
+        found = first_direction(body, load.dead, displacement)
         return np.full(displacement.shape, np.inf) if found is None else -found
 
-    def certify(
-        self, dead: Array, pressure: FollowerPressure | None, displacement: Array
-    ) -> Certificate:
-        """Estimate errors as `Surrogate.certify` does, of checked loads and displacements."""
+    def certify(self, load: Load, displacement: Array) -> Certificate:
+        """Estimate the errors of displacements in m from their out-of-balance forces.
+
+        Parameters
+        ----------
+        load : Load
+        displacement : array, (n_nodes, d) or (N, n_nodes, d)
+
+        Raises
+        ------
+        InputError
+            As `equilibrium`.
+        """
         from surrogate.mechanics.certify.full_certificate import certify, certify_each
 
-        if pressure is None:
-            return certify(self.equilibrium, dead, displacement)
-        return certify_each(self.equilibrium, pressure, dead, displacement)
+        if load.pressure is None:
+            return certify(self.equilibrium, load.dead, displacement)
+        return certify_each(self.equilibrium, load.pressure, load.dead, displacement)
 
-    def correct(
-        self, dead: Array, pressure: FollowerPressure | None, displacement: Array
-    ) -> Correction:
-        """Go on to the equilibrium under one checked load, as `Surrogate.correct` does."""
+    def correct(self, load: Load, displacement: Array) -> Correction:
+        """Go on from a displacement in m, (n_nodes, d), to the equilibrium under one load.
+
+        Raises
+        ------
+        InputError
+            As `equilibrium`.
+        WorkError
+            If no equilibrium is found.
+        """
         from surrogate.mechanics.certify.correction import correct
 
         tolerance = ForceTolerance.of_case(self.case)
-        return correct(self.under(pressure), dead, displacement, tolerance)
+        return correct(self.under(load.pressure), load.dead, displacement, tolerance)
 
     def stresses(
         self,
@@ -241,8 +272,8 @@ class Body(Remade):
         """
         u = fields_at_nodes(self.geometry, displacement, "displacements")
         given = self.geometry.no_pressure if pressure is None else pressure
-        load = without_pressure(self.geometry, self._load_on(u, forces), given)
-        fields = self.stresses_under(*load, u)
+        load = Load.told_apart(self.geometry, self._load_on(u, forces), given)
+        fields = self.stresses_under(load, u)
         return {name: values[0] if u.ndim == 2 else values for name, values in fields.items()}
 
     def reactions(
@@ -296,12 +327,11 @@ class Body(Remade):
             raise InputError(f"forces have shape {loads.shape}, expected {u.shape}")
         return loads
 
-    def _under_load(
-        self, dead: Array, pressure: FollowerPressure | None, u: Array
-    ) -> tuple[Array, Array]:
+    def _under_load(self, load: Load, u: Array) -> tuple[Array, Array]:
         """Displacements of all points in m, and all forces on them in N: (N, n_points, d) each."""
-        body, shape = self.equilibrium, self.geometry.coordinates.shape
-        u, f = u.reshape(-1, *shape), body.forces_at_points(dead.reshape(-1, *dead.shape[-2:]))
+        body, pressure = self.equilibrium, load.pressure
+        u = u.reshape(-1, *self.geometry.coordinates.shape)
+        f = body.forces_at_points(load.cases.dead)
         if pressure is None:
             return body.at_points(u, f), f
         at_points = np.empty(f.shape)
@@ -312,24 +342,20 @@ class Body(Remade):
             f[one] = under.external(at_points[one], f[one])
         return at_points, f
 
-    def stresses_under(
-        self, dead: Array, pressure: FollowerPressure | None, u: Array
-    ) -> dict[str, Array]:
-        """Stresses of N displacements in m, (N, n_nodes, d), under dead loads in N and pressures.
+    def stresses_under(self, load: Load, u: Array) -> dict[str, Array]:
+        """Stresses of N displacements in m, (N, n_nodes, d), under their loads.
 
         By name, (N, n_cells, …); of a single displacement, (n_nodes, d), that of N = 1.
         """
         from surrogate.mechanics.equilibrium.stresses import cell_stresses
 
-        at_points, _ = self._under_load(dead, pressure, u)
+        at_points, _ = self._under_load(load, u)
         return cell_stresses(self.equilibrium.solid, self.equilibrium.geometry, at_points)
 
-    def reactions_under(self, dead: Array, pressure: FollowerPressure | None, u: Array) -> Array:
+    def reactions_under(self, load: Load, u: Array) -> Array:
         """Reactions in N of the same displacements, of their shape."""
         from surrogate.mechanics.equilibrium.stresses import reactions
 
         body = self.equilibrium
-        found = reactions(
-            self.equilibrium.solid, body.geometry, *self._under_load(dead, pressure, u)
-        )
+        found = reactions(body.solid, body.geometry, *self._under_load(load, u))
         return np.asarray(body.forces_at_nodes(found).reshape(u.shape))
