@@ -124,5 +124,5 @@ def _predicted(surrogate: Surrogate, forces: Array) -> tuple[Array, Array]:
 
 def _random(seed: int) -> np.random.Generator:
     if seed < 0:
-        raise InputError(f"--seed {seed}: expected 0 or more")
+        raise InputError(f"seed {seed}: expected 0 or more", "seed")
     return np.random.default_rng(seed)

@@ -45,11 +45,14 @@ class Admission:
         names, origins = ([text.lower() for text in texts] for texts in (names, origins))
         for name in names:
             if not re.fullmatch(HOST, name):
-                raise InputError(f"--name {name}: expected the name of a machine, without a port")
+                raise InputError(
+                    f"name {name}: expected the name of a machine, without a port", "name"
+                )
         for origin in origins:
             if origin != "null" and not re.fullmatch(rf"[a-z][a-z0-9+.-]*://{HOST}{PORT}", origin):
                 raise InputError(
-                    f"--origin {origin}: expected one such as https://example.org:8080, or null"
+                    f"origin {origin}: expected one such as https://example.org:8080, or null",
+                    "origin",
                 )
         return cls(frozenset(names), frozenset(origins))
 

@@ -17,7 +17,7 @@ BODY_KEYS = ("mesh", "supports", "material", "element")  # of a case configurati
 
 
 @dataclass(frozen=True)
-class Body:
+class BodyRecord:
     """A body as a run or a dataset holds it.
 
     Attributes
@@ -33,7 +33,7 @@ class Body:
 
 
 def require_same_body(
-    run: Body, dataset: Body, refusal: str, keys: Sequence[str] = BODY_KEYS
+    run: BodyRecord, dataset: BodyRecord, refusal: str, keys: Sequence[str] = BODY_KEYS
 ) -> None:
     """Refuse a dataset of another body than the run's, and name the first difference.
 
@@ -41,7 +41,7 @@ def require_same_body(
 
     Parameters
     ----------
-    run, dataset : Body
+    run, dataset : BodyRecord
     refusal : str
         Beginning of the message.
     keys : sequence of str

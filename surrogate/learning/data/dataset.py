@@ -20,7 +20,7 @@ from shared_schema.layout import Arrays
 from shared_schema.manifest import Manifest, StructuredInfo
 from shared_schema.materials import Materials, materials_of
 from shared_schema.stiffness import Stiffness, read_stiffness
-from surrogate.learning.data.body_check import Body
+from surrogate.learning.data.body_check import BodyRecord
 from surrogate.learning.data.nodal_dataset import BETWEEN, NodalSamples, between_in
 from surrogate.learning.data.samples import Samples
 from surrogate.learning.data.samples_on_disk import AT_NODES, FIELDS, SamplesOnDisk, nodal_samples
@@ -105,9 +105,9 @@ class Dataset:
         return replace(self, geometry=replace(geometry, grid=row))
 
     @property
-    def body(self) -> Body:
+    def body(self) -> BodyRecord:
         """Mesh, supports and material, to compare with those of a run."""
-        return Body(self.manifest.case, self.geometry.arrays())
+        return BodyRecord(self.manifest.case, self.geometry.arrays())
 
     @property
     def material(self) -> Materials:

@@ -56,7 +56,7 @@ def read_dataset(
         return read_single(paths[0], on_disk=on_disk, needs_samples=needs_samples)
     if on_disk or not paths:
         on = " with 'training.samples_on' = 'disk'" if on_disk else ""
-        raise InputError(f"--data: {len(paths)} datasets, expected one{on}")
+        raise InputError(f"data: {len(paths)} datasets, expected one{on}", "data")
     datasets = [read_single(path) for path in paths]
     first = datasets[0]
     for path, other in zip(paths[1:], datasets[1:], strict=True):
@@ -68,8 +68,9 @@ def read_dataset(
         )
         if other.manifest.forces != first.manifest.forces:
             raise InputError(
-                f"--data '{path}': joined with '{paths[0]}', expected datasets in which loads act "
-                "alike between the nodes; those of earlier versions act at corners"
+                f"data '{path}': joined with '{paths[0]}', expected datasets in which loads act "
+                "alike between the nodes; those of earlier versions act at corners",
+                "data",
             )
     return joined(datasets)
 

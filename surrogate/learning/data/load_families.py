@@ -111,8 +111,9 @@ def _keys(family: str) -> list[tuple[str, str]]:
     for key, _, _ in pairs:
         if key not in ("loads", "reach", "places"):
             raise InputError(
-                f"--family '{family}': '{key}', expected '{TRAINED}', or some of 'loads=', "
-                "'reach=' and 'places=' separated by commas"
+                f"family '{family}': '{key}', expected '{TRAINED}', or some of 'loads=', "
+                "'reach=' and 'places=' separated by commas",
+                "family",
             )
     return [(key, value) for key, _, value in pairs]
 
@@ -130,4 +131,4 @@ def _allowed(places: str, geometry: Geometry) -> NDArray[np.bool_]:
 
 
 def _wrong(family: str, key: str, value: str, expected: str) -> InputError:
-    return InputError(f"--family '{family}': '{key}' = {value}, expected {expected}")
+    return InputError(f"family '{family}': '{key}' = {value}, expected {expected}", "family")

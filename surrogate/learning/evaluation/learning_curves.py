@@ -212,7 +212,8 @@ def learning_curve(
     if counts[0] < 1 or counts[-1] > total:
         wrong = counts[0] if counts[0] < 1 else counts[-1]
         raise InputError(
-            f"--samples {wrong}: expected 1 to {total}, the number of training samples of {dataset}"
+            f"samples {wrong}: expected 1 to {total}, the number of training samples of {dataset}",
+            "samples",
         )
     points = []
     for count in counts:

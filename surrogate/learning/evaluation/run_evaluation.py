@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.errors import InputError
-from surrogate.learning.data.body_check import BODY_KEYS, Body, require_same_body
+from surrogate.learning.data.body_check import BODY_KEYS, BodyRecord, require_same_body
 from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.data.joined_dataset import read_dataset
 from surrogate.learning.inference.calibrated_bounds import fit_fast_certificate, fit_intervals
@@ -352,7 +352,7 @@ def require_tested(run: RunFolder, surrogate: Surrogate, dataset: Dataset) -> No
     if not surrogate.description.run.learns:  # on any grid
         tested = dataset.at_nodes().body
     require_same_body(
-        Body(trained, surrogate.geometry.arrays()),
+        BodyRecord(trained, surrogate.geometry.arrays()),
         tested,
         f"{run.folder}: trained on case '{surrogate.description.run.case}', the dataset is of case "
         f"'{dataset.manifest.name}'",

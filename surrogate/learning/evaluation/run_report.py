@@ -151,9 +151,9 @@ def write_report(
     evaluation = folder.read_evaluation()
     other = read_mapping(Path(against)) if against is not None else None
     if not path.parent.is_dir():
-        raise InputError(f"--out '{path}': no such folder {path.parent}")
+        raise InputError(f"out '{path}': no such folder {path.parent}", "out")
     if path.is_dir():
-        raise InputError(f"--out '{path}': a folder, expected a file")
+        raise InputError(f"out '{path}': a folder, expected a file", "out")
     require_writable(path)
     figures, trained_on = _figures(folder), folder.trained_on()
     solving = _solving(Path(nodal), description) if nodal is not None else None

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.learning.data.body_check import Body, require_same_body
+from surrogate.learning.data.body_check import BodyRecord, require_same_body
 from surrogate.learning.data.nodal_dataset import NodalSamples, read_nodal_dataset
 from surrogate.learning.inference.surrogate import Surrogate
 from surrogate.learning.measures.error_metrics import sample_errors
@@ -95,8 +95,8 @@ def extrapolate(surrogate: Surrogate, nodal: Path, passes: int, seed: int) -> Ex
     """
     dataset = read_nodal_dataset(nodal)
     require_same_body(
-        Body(surrogate.description.data.case, surrogate.geometry.arrays()),
-        Body(dataset.manifest.case, {"coordinates": dataset.coordinates}),
+        BodyRecord(surrogate.description.data.case, surrogate.geometry.arrays()),
+        BodyRecord(dataset.manifest.case, {"coordinates": dataset.coordinates}),
         f"--loads '{nodal}': another body than the run's",
     )
     predicted = surrogate.averaged_passes(dataset.samples.force, passes, seed)

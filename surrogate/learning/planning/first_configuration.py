@@ -246,7 +246,7 @@ def first_config(
         dataset = read_dataset(dataset, on_disk=True)
     mechanics = has_material(dataset)
     if model == "reduced" and not mechanics:
-        raise InputError("--model reduced: the dataset names no material, expected unet")
+        raise InputError("model reduced: the dataset names no material, expected unet", "model")
     in_space = dataset.geometry.dimension == 3
     chosen: Architecture = model or ("reduced" if in_space and mechanics else "unet")
     channels = 32 if likelihood == "deterministic" and not in_space else 16

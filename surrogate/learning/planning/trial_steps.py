@@ -103,8 +103,9 @@ def dry_run(
     data = dataset_for(config, dataset)
     if not isinstance(config, TrainedModel):
         raise InputError(
-            f"--dry-run: config '{config.name}' is fitted directly, expected a model that is "
-            "trained step by step"
+            f"dry_run: config '{config.name}' is fitted directly, expected a model that is "
+            "trained step by step",
+            "dry_run",
         )
     trainer = make_trainer(config, data, split_for(config, data), target)
     times = list(trainer.timed_steps(WARM_UP + MOST, SECONDS))

@@ -102,7 +102,9 @@ class RunFolder:
             self.seal.require_intact()
             self.metric_lines()
         elif self.folder.exists() and (not self.folder.is_dir() or self._content()):
-            raise InputError(f"--out '{self.folder}': holds something else, expected a new folder")
+            raise InputError(
+                f"out '{self.folder}': holds something else, expected a new folder", "out"
+            )
         return description
 
     def _going_on(self, existing: RunDescription, wanted: RunDescription) -> RunDescription:

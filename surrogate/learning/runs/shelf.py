@@ -76,7 +76,7 @@ def require_changeable(run: Path, copy: Path | None) -> None:
     folder = find_run(run)
     if copy is not None:
         if copy.exists():
-            raise InputError(f"--out '{copy}': exists, expected a new folder")
+            raise InputError(f"out '{copy}': exists, expected a new folder", "out")
         require_writable(copy)
     elif is_shelved(folder):
         raise InputError(

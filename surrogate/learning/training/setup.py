@@ -40,9 +40,9 @@ Split = TrainingSplit[Samples | SamplesOnDisk]
 def require_options(stop_after: int | None, seconds: float, tensorboard: bool) -> None:
     """Raise InputError unless the options of `surrogate.train` have valid values."""
     if stop_after is not None and stop_after < 1:
-        raise InputError(f"--stop-after {stop_after}: expected an epoch, 1 at least")
+        raise InputError(f"stop_after {stop_after}: expected an epoch, 1 at least", "stop_after")
     if not seconds > 0:
-        raise InputError(f"--seconds {seconds:g}: expected more than 0")
+        raise InputError(f"seconds {seconds:g}: expected more than 0", "seconds")
     if tensorboard:
         require_tensorboard()
 

@@ -56,4 +56,6 @@ class TrainingLog:
 def require_tensorboard() -> None:
     """Raise InputError unless the package tensorboard is installed."""
     if importlib.util.find_spec("tensorboard") is None:
-        raise InputError("--tensorboard: not installed, expected the package 'tensorboard'")
+        raise InputError(
+            "tensorboard: not installed, expected the package 'tensorboard'", "tensorboard"
+        )

@@ -13,7 +13,7 @@ from typing import Any
 import torch
 
 from shared_schema.common.errors import InputError
-from surrogate.learning.data.body_check import Body, require_same_body
+from surrogate.learning.data.body_check import BodyRecord, require_same_body
 from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.inference.loading import load
 from surrogate.learning.models.model import Model, TrainedModel
@@ -65,7 +65,7 @@ def warm_start(run: str | Path, config: Model, dataset: Dataset) -> WarmStart:
         difference = first_difference(theirs, ours).replace("the folder has", "that run has")
         raise InputError(f"{where}: config '{config.name}' has another {difference}")
     require_same_body(
-        Body(description.data.case, surrogate.geometry.arrays()),
+        BodyRecord(description.data.case, surrogate.geometry.arrays()),
         dataset.body,
         where,
     )

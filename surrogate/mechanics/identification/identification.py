@@ -21,7 +21,7 @@ from surrogate.mechanics.identification.candidates import Candidate
 from surrogate.mechanics.identification.equilibrium_response import moduli_of_zones
 from surrogate.mechanics.identification.markers import Markers, read_markers
 from surrogate.mechanics.identification.misfit import SUSPECT, noise_probability
-from surrogate.mechanics.identification.search import Finished, Search
+from surrogate.mechanics.identification.search import Finished, MarkerFits
 from surrogate.mechanics.identification.unknowns import (
     BODY_FORCE,
     PRESSURE,
@@ -238,7 +238,7 @@ def identify(
             f"unknown: {count} parameters are sought, and {markers.moved.size} components of "
             "markers measured, expected more of these"
         )
-    search = Search(model, markers.moved, at_markers, noise)
+    search = MarkerFits(model, markers.moved, at_markers, noise)
     found = search.somewhere(unknowns, radii) if somewhere else search.known(unknowns)
     best = search.finished(found[0], confirm)
     left = (markers.moved - at_markers @ best.fit.state)[best.fit.counts]

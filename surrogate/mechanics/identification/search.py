@@ -44,7 +44,7 @@ class Finished:
     force: Array
 
 
-class Search:
+class MarkerFits:
     """Fits of the displacements of markers.
 
     Parameters

@@ -30,7 +30,7 @@ from surrogate.mechanics.touch.condition import Condition
 from surrogate.mechanics.touch.defect_correction import ROUGHLY, DefectCorrection
 from surrogate.mechanics.touch.linear_body import LinearBody
 from surrogate.mechanics.touch.loaded_body import LoadedBody, Predict
-from surrogate.mechanics.touch.search import Bend, Search, Shown, halved_steps
+from surrogate.mechanics.touch.search import Bend, ForceSearch, Shown, halved_steps
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
@@ -116,7 +116,7 @@ class Frames(ABC, Generic[C, F]):
         def predicted(force: Array) -> Shown:
             return self._at(loaded, defect.predicted(shows, self._dead(loaded, force)), force)
 
-        search = Search(self._body, predicted, last)
+        search = ForceSearch(self._body, predicted, last)
         moved = condition.moved_from(self._condition, last.u, last.force)
         search.expected = self._bend.expected(moved)
         if predict is not self._shown_by or not loaded.is_under(self._loaded):

@@ -86,7 +86,7 @@ class Bend:
         self._moved, self._change, self._effect = self._next, change, effect
 
 
-class Search:
+class ForceSearch:
     """A search for forces, from those of a body at rest or of the last frame.
 
     Parameters

@@ -42,7 +42,7 @@ def test_a_series_predicts_pushes_and_identifies_as_a_run() -> None:
     body = Body(model.geometry, model.body.case)
     series, load = Series(body), "4,1:0,-1.5"
     expected = model.predict(Load.of(model.geometry, load).dead)
-    np.testing.assert_allclose(series.predict(load), expected, atol=1e-9)
+    np.testing.assert_allclose(series.predict(load), expected, atol=1e-6)
     disc = Sphere((3.0, 1.2), 0.3)
     ours, theirs = (Touch(each).move(disc).reaction for each in (series, model))
     np.testing.assert_allclose(ours, theirs, rtol=1e-6)

@@ -77,16 +77,16 @@ def test_listed_names_and_origins_are_let_in() -> None:
 @pytest.mark.parametrize(
     ("names", "origins", "said"),
     [
-        (["lab pc"], [], "--name lab pc: expected the name of a machine, without a port"),
-        (["lab-pc:80"], [], "--name lab-pc:80: expected the name"),
-        ([""], [], "--name : expected the name"),
+        (["lab pc"], [], "name lab pc: expected the name of a machine, without a port"),
+        (["lab-pc:80"], [], "name lab-pc:80: expected the name"),
+        ([""], [], "name : expected the name"),
         (
             [],
             ["example.org"],
-            "--origin example.org: expected one such as https://example.org:8080",
+            "origin example.org: expected one such as https://example.org:8080",
         ),
         ([], ["https://example.org/page"], "expected one such as"),
-        ([], ["*"], r"--origin \*: expected one such as"),
+        ([], ["*"], r"origin \*: expected one such as"),
     ],
 )
 def test_what_is_no_name_or_origin(names: list[str], origins: list[str], said: str) -> None:

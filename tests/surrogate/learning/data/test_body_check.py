@@ -7,7 +7,7 @@ import pytest
 
 from shared_schema.common.errors import InputError
 from shared_schema.grid import Grid
-from surrogate.learning.data.body_check import Body, require_same_body
+from surrogate.learning.data.body_check import BodyRecord, require_same_body
 from surrogate.learning.data.dataset import Dataset
 from surrogate.mechanics.body.geometry import Geometry
 
@@ -22,33 +22,35 @@ def geometry(dataset: Dataset) -> Geometry:
 
 def refusal(trained: Geometry, other: Geometry) -> str:
     with pytest.raises(InputError) as error:
-        require_same_body(Body(CASE, trained.arrays()), Body(CASE, other.arrays()), "run")
+        require_same_body(
+            BodyRecord(CASE, trained.arrays()), BodyRecord(CASE, other.arrays()), "run"
+        )
     return str(error.value)
 
 
 def test_same_body_under_other_loads(geometry: Geometry) -> None:
     """A part of the arrays is sufficient: a nodal dataset has no grid."""
-    other = Body({**CASE, "load": "e"}, {"coordinates": geometry.coordinates.copy()})
-    require_same_body(Body(CASE, geometry.arrays()), other, "run")
+    other = BodyRecord({**CASE, "load": "e"}, {"coordinates": geometry.coordinates.copy()})
+    require_same_body(BodyRecord(CASE, geometry.arrays()), other, "run")
     copy = replace(geometry, cells=geometry.cells.copy())
-    require_same_body(Body(CASE, geometry.arrays()), Body(CASE, copy.arrays()), "run")
+    require_same_body(BodyRecord(CASE, geometry.arrays()), BodyRecord(CASE, copy.arrays()), "run")
 
 
 def test_last_digits_of_coordinates_may_differ(geometry: Geometry) -> None:
     """As those of two releases of gmsh do, by 1e-15 m."""
     other = replace(geometry, coordinates=geometry.coordinates * (1 + 1e-15))
-    require_same_body(Body(CASE, geometry.arrays()), Body(CASE, other.arrays()), "run")
+    require_same_body(BodyRecord(CASE, geometry.arrays()), BodyRecord(CASE, other.arrays()), "run")
 
 
 @pytest.mark.parametrize("key", ["mesh", "supports", "material"])
 def test_other_configuration_is_named(geometry: Geometry, key: str) -> None:
-    ours, theirs = Body(CASE, geometry.arrays()), Body({**CASE, key: 7}, {})
+    ours, theirs = BodyRecord(CASE, geometry.arrays()), BodyRecord({**CASE, key: 7}, {})
     with pytest.raises(InputError, match=f"^run: {key} = 7, expected '{CASE[key]}'$"):
         require_same_body(ours, theirs, "run")
 
 
 def test_keys_are_chosen() -> None:
-    ours, theirs = Body({"name": "a"}, {}), Body({"name": "b"}, {})
+    ours, theirs = BodyRecord({"name": "a"}, {}), BodyRecord({"name": "b"}, {})
     require_same_body(ours, theirs, "run")
     with pytest.raises(InputError, match=r"^run: name = 'b', expected 'a'$"):
         require_same_body(ours, theirs, "run", keys=("name",))

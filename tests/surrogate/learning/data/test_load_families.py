@@ -74,7 +74,7 @@ def test_wrong_families(text: str, part: str) -> None:
     with pytest.raises(InputError) as error:
         family(text)
     assert part in str(error.value)
-    assert str(error.value).startswith(f"--family '{text}': ")
+    assert str(error.value).startswith(f"family '{text}': ")
 
 
 def test_numbers_of_loads_of_older_runs() -> None:

@@ -90,7 +90,7 @@ def test_without_a_material(dataset: Dataset) -> None:
     config = first_config(bare).config()
     assert isinstance(config, UNetModel)
     assert not config.needs_material
-    with pytest.raises(InputError, match="--model reduced: the dataset names no material"):
+    with pytest.raises(InputError, match="model reduced: the dataset names no material"):
         first_config(bare, model="reduced")
 
 

@@ -39,7 +39,7 @@ def test_sizes_are_those_of_the_training(
 def test_a_model_that_is_fitted_has_no_steps(data: Path) -> None:
     dataset = read_dataset(data)
     content = {"name": "pod", "case": dataset.manifest.name, "model": "pod", "pod": {}}
-    with pytest.raises(InputError, match="--dry-run: config 'pod' is fitted directly"):
+    with pytest.raises(InputError, match="dry_run: config 'pod' is fitted directly"):
         dry_run(run_config(content), dataset, device="cpu")
 
 

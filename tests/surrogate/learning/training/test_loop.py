@@ -133,7 +133,7 @@ def test_from_python(data: Path, tmp_path: Path, make_config: MakeConfig) -> Non
 def test_no_time_to_train_within(
     tmp_path: Path, dataset: Dataset, make_config: MakeConfig, seconds: float
 ) -> None:
-    with pytest.raises(InputError, match=f"--seconds {seconds:g}: expected more than 0"):
+    with pytest.raises(InputError, match=f"seconds {seconds:g}: expected more than 0"):
         train(make_config(), dataset, tmp_path / "run", device="cpu", seconds=seconds)
     assert not (tmp_path / "run").exists()
 

@@ -10,7 +10,7 @@ from shared_schema.common.bodies.command_loads import CommandLoads
 from shared_schema.common.errors import WorkError
 from surrogate.mechanics.identification.least_squares import fit, wild_cost
 from surrogate.mechanics.identification.responses import PredictedResponse
-from surrogate.mechanics.identification.search import Search
+from surrogate.mechanics.identification.search import MarkerFits
 from surrogate.mechanics.identification.unknowns import Unknowns
 from tests.surrogate.mechanics.identification.test_identification import NOISE, seen
 
@@ -24,7 +24,7 @@ def test_one_step_gives_the_probabilities_of_whole_fits(load: str) -> None:
     markers = seen(beam, truth)
     at_markers = markers.interpolation(geometry)
     unknowns = Unknowns.of(geometry, ["somewhere"], CommandLoads(geometry.loaded_body), np.empty(0))
-    candidates = Search(beam, markers.moved, at_markers, NOISE).somewhere(unknowns, [0.0])
+    candidates = MarkerFits(beam, markers.moved, at_markers, NOISE).somewhere(unknowns, [0.0])
     shares = {one.node: one.share for one in candidates if one.node is not None}
     assert len(shares) > 2
     assert list(shares.values()) == sorted(shares.values(), reverse=True)

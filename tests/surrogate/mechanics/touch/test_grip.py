@@ -16,7 +16,7 @@ from surrogate.command_line import main
 from surrogate.mechanics.touch.condition import Held
 from surrogate.mechanics.touch.grip import TOLERANCE
 from surrogate.mechanics.touch.linear_body import LinearBody
-from surrogate.mechanics.touch.search import Search, Shown
+from surrogate.mechanics.touch.search import ForceSearch, Shown
 
 Array = NDArray[np.float64]
 
@@ -162,11 +162,11 @@ def test_search_that_finds_nothing_says_how_far_it_came() -> None:
         return Shown(np.tanh(force), np.tanh(force), force)
 
     body = LinearBody(springs, np.arange(2))
-    search = Search(body, shown, shown(np.zeros(2)))
+    search = ForceSearch(body, shown, shown(np.zeros(2)))
     with pytest.raises(WorkError, match=r"no forces are found beyond \d+% of the way"):
         search.find(Held(np.array([2.0, 0.0])), TOLERANCE)
     body.forget()
-    search = Search(body, shown, shown(np.zeros(2)))
+    search = ForceSearch(body, shown, shown(np.zeros(2)))
     search.find(Held(np.array([0.5, -0.9])), 1e-5)
     np.testing.assert_allclose(np.tanh(search.shown.force), [0.5, -0.9], atol=1e-5)
 
