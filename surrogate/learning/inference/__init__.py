@@ -4,11 +4,8 @@
 `loading`              a network from a run folder, or from the package
 `surrogate`            a body and its predictor: `Surrogate`
 `solving`              what its `solve` does with a load
-`body`                 the body alone: equilibrium, stresses and reactions
-`given_load`           the load that `solve` takes: arrays, or texts and files of a command
-`prediction`           displacements under loads, by a series or a network
+`prediction`           displacements under loads, by a network or by the series of the body
 `solution`             what `solve` returns
-`stiffness`            another Young's modulus than that of the run
 `training_range`       warnings about forces unlike those of the training
 `calibrated_bounds`    intervals and bounds of a run, on samples it has not seen
 `fresh_loads`          random load cases of a run: those of its training, or around them

@@ -1,1 +1,1 @@
-"""A body and its loads: mesh, supports, elements, materials."""
+"""What a body is made of: mesh, supports and grid, elements, Young's moduli."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from typing import ClassVar
 
 import numpy as np
@@ -19,8 +18,8 @@ Array = NDArray[np.float64]
 DIFFERENCE = 3e-3  # of a change that matters
 
 
-class Response(ABC):
-    """Displacements of the body, and at the markers, of some parameters θ.
+class Response:
+    """Displacements of the body, and at the markers, of some parameters θ: by predictions.
 
     Parameters
     ----------
@@ -51,18 +50,14 @@ class Response(ABC):
         """What is measured."""
         return Model(lambda theta: self.field(theta) + self._shift, self.slopes, self._seen)
 
-    @abstractmethod
     def field(self, theta: Array) -> Array:
-        """u(θ) in m, (n_nodes, d)."""
-
-    def fields(self, thetas: Array) -> Array:
-        """u(θ) in m of N sets of parameters, (N, p) → (N, n_nodes, d)."""
-        return np.array([self.field(theta) for theta in thetas])
+        """u(θ) in m, (n_nodes, d), or of N sets of parameters, (N, p), at once."""
+        return self.predictor.respond(self.load(theta))[0]
 
     def slopes(self, theta: Array, field: Array) -> Array:
         """∂u/∂θ, (n_nodes, d, p), by forward differences."""
         steps = self.difference * self.scale
-        return differences(self.fields(theta + np.diag(steps)), field - self._shift, steps)
+        return differences(self.field(theta + np.diag(steps)), field - self._shift, steps)
 
     def load(self, theta: Array) -> Load:
         """The load of u(θ)."""
@@ -77,18 +72,6 @@ class Response(ABC):
         nodes = len(fields)
         found = self._at_markers @ fields.reshape(nodes, -1)
         return np.asarray(found.reshape(-1, *fields.shape[1:]))
-
-
-class PredictedResponse(Response):
-    """Predictions, and their forward differences."""
-
-    def field(self, theta: Array) -> Array:
-        """u(θ) in m."""
-        return self.predictor.respond(self.load(theta))[0]
-
-    def fields(self, thetas: Array) -> Array:
-        """u(θ) in m of all sets of parameters at once."""
-        return self.predictor.respond(self.load(thetas))[0]
 
 
 def differences(ahead: Array, field: Array, steps: Array) -> Array:

@@ -17,7 +17,7 @@ from surrogate.mechanics.identification.candidates import Candidate, Start, like
 from surrogate.mechanics.identification.equilibrium_response import EquilibriumResponse
 from surrogate.mechanics.identification.least_squares import Fit, fit, refit
 from surrogate.mechanics.identification.place import Places, best_place
-from surrogate.mechanics.identification.responses import PredictedResponse, Response
+from surrogate.mechanics.identification.responses import Response
 from surrogate.mechanics.identification.tool_response import CONTACT, ToolResponse
 from surrogate.mechanics.identification.unknowns import SOMEWHERE, Unknowns
 from surrogate.mechanics.statics.load import Load
@@ -187,7 +187,7 @@ class MarkerFits:
         given = self._predictor, unknowns, self._at_markers, scale, shift
         if unknowns.tool is not None:
             return ToolResponse(self._touch, *given)
-        return EquilibriumResponse(*given) if unknowns.zones else PredictedResponse(*given)
+        return EquilibriumResponse(*given) if unknowns.zones else Response(*given)
 
     @cached_property
     def _touch(self) -> Touch:

@@ -37,7 +37,9 @@ class ToolResponse(Response):
         self._touch = touch
 
     def field(self, theta: Array) -> Array:
-        """u(θ) in m; NaN where no contact is found."""
+        """u(θ) in m, or of N sets of parameters; NaN where no contact is found."""
+        if theta.ndim == 2:
+            return np.array([self.field(one) for one in theta])
         try:
             return self._frame(theta).displacement
         except (InputError, WorkError):  # the tool may not be there

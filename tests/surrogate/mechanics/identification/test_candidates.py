@@ -9,7 +9,7 @@ import surrogate
 from shared_schema.common.bodies.command_loads import CommandLoads
 from shared_schema.common.errors import WorkError
 from surrogate.mechanics.identification.least_squares import fit, wild_cost
-from surrogate.mechanics.identification.responses import PredictedResponse
+from surrogate.mechanics.identification.responses import Response
 from surrogate.mechanics.identification.search import MarkerFits
 from surrogate.mechanics.identification.unknowns import Unknowns
 from tests.surrogate.mechanics.identification.test_identification import NOISE, seen
@@ -35,7 +35,7 @@ def test_one_step_gives_the_probabilities_of_whole_fits(load: str) -> None:
         scale = np.full(2, 1.0)
         units = np.zeros((2, *truth.shape))
         units[[0, 1], node, [0, 1]] = 1.0
-        response = PredictedResponse(beam, unknowns.at(units, "force"), at_markers, scale)
+        response = Response(beam, unknowns.at(units, "force"), at_markers, scale)
         try:
             found = fit(response.model, markers.moved, np.zeros(2), scale, NOISE)
         except WorkError:
