@@ -220,7 +220,7 @@ class Surrogate(Remade):
             if aim is None:
                 found, _ = self.predictor.respond(loads, pressure)
             else:
-                found = driven(self.predictor, self._told_apart(loads, pressure), aim)
+                found = driven(self.predictor, Load.told_apart(self.geometry, loads, pressure), aim)
             if isinstance(forces, Tensor):
                 kind = forces.dtype if forces.is_floating_point() else torch.float64
                 found = torch.from_numpy(found).to(forces.device, kind)
@@ -386,8 +386,7 @@ class Surrogate(Remade):
             If a shape is wrong, a force is not finite, or the run does not name its material.
         """
         loads = checked_loads(self.geometry, forces)
-        load = self._told_apart(loads, pressure)
-        return self.body.certify(load, self._displacement(loads, predicted))
+        return self.body.certify(*self._checked(loads, predicted, pressure))
 
     def bounds(
         self,
@@ -423,11 +422,10 @@ class Surrogate(Remade):
             of this level.
         """
         fast, loads, std = self.fast_of_level(level), checked_loads(self.geometry, forces), None
-        load = self._told_apart(loads, pressure)
         if predicted is None and self.is_probabilistic:
             network = self.predictor.distribution(loads, PASSES, 0)
             predicted, std = network.mean, network.std
-        displacement = self._displacement(loads, predicted)
+        load, displacement = self._checked(loads, predicted, pressure)
         return fast.certify(load.dead, displacement, level, std, load.pressure)
 
     def correct(
@@ -455,9 +453,8 @@ class Surrogate(Remade):
         WorkError
             If no equilibrium is found.
         """
-        checked = checked_load(self.geometry, forces)
-        load = self._told_apart(checked, pressure)
-        return self.body.correct(load, self._displacement(checked, predicted))
+        load = checked_load(self.geometry, forces)
+        return self.body.correct(*self._checked(load, predicted, pressure))
 
     def correct_each(
         self,
@@ -486,7 +483,7 @@ class Surrogate(Remade):
         loads = checked_loads(self.geometry, forces)
         if loads.ndim != 3:
             raise InputError(f"forces have shape {loads.shape}, expected {('N', *shape)}")
-        each, displacement = self._told_apart(loads, pressure), self._displacement(loads, predicted)
+        each, displacement = self._checked(loads, predicted, pressure)
         found = []
         progress = Progress(len(loads), unit="loads", title="surrogate: corrections", passing=True)
         with closing(progress):
@@ -498,19 +495,18 @@ class Surrogate(Remade):
                 progress.update(number + 1)
         return found
 
-    def _told_apart(self, loads: Array, pressure: ArrayLike | None) -> Load:
-        """Checked loads as dead forces and pressures."""
-        return Load.told_apart(self.geometry, loads, pressure)
-
-    def _displacement(self, loads: Array, predicted: ArrayLike | None) -> Array:
-        """Return given displacements, checked; predict them if they are not given."""
+    def _checked(
+        self, loads: Array, predicted: ArrayLike | None, pressure: ArrayLike | None
+    ) -> tuple[Load, Array]:
+        """Return checked loads, and given displacements; predict them if they are not given."""
+        load = Load.told_apart(self.geometry, loads, pressure)
         nodal = loads[..., : len(self.geometry.coordinates), :]
         if predicted is None:
-            return self.predictor.respond(loads)[0]
+            return load, self.predictor.respond(loads)[0]
         displacement = real_numbers(predicted, "predicted displacements")
         if displacement.shape != nodal.shape:
             raise InputError(f"predicted has shape {displacement.shape}, expected {nodal.shape}")
-        return displacement
+        return load, displacement
 
     # --- stresses ---------------------------------------------------------------------------------
 

@@ -5,26 +5,22 @@ spread (`shared_schema.common.bodies.surface_patches`).
 
 A linear body moves the markers by :math:`A_a g` under a force g in place a, with columns of
 :math:`K^{-1}` at the markers, which are those of unit forces at the markers (:math:`K^{-1}` is
-symmetric). Places are ranked by the robust sum of squares that is left. The first ones are fitted,
-with the predictions in place of the linear body. What these move the markers more than the linear
-body does, under the best force found, is then taken from the measured displacements, and the places
-are ranked again, until no new ones are among the first. As a rule many places fit as well as the
-best one, within the noise: the last ranking names all that may bear the force.
+symmetric). Places are ranked by the robust sum of squares that is left
+(`surrogate.mechanics.identification.search`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array, vstack
 
 from shared_schema.common.bodies.surface_patches import SurfacePatches
-from shared_schema.common.errors import InputError, WorkError
+from shared_schema.common.errors import InputError
 from surrogate.mechanics.body.geometry import Geometry
-from surrogate.mechanics.identification.least_squares import FLOOR, Fit, cauchy, wild_cost
+from surrogate.mechanics.identification.least_squares import FLOOR, cauchy
 from surrogate.mechanics.statics.body import Body
 
 Array = NDArray[np.float64]
@@ -33,7 +29,6 @@ Numbers = NDArray[np.int64]
 ROUNDS = 6  # of weights
 ROUNDING = 1e-12
 FIRST = 3  # nodes of a ranking that are fitted
-RANKINGS = 6
 
 
 class Places:
@@ -153,67 +148,3 @@ def spread(geometry: Geometry, radii: Sequence[float]) -> tuple[Numbers, Array, 
             f"{geometry.units.written(radii[0])} of a node, expected a larger radius"
         )
     return np.array(nodes), np.array(sizes), csr_array(vstack(shares))
-
-
-@dataclass(frozen=True)
-class BestPlace:
-    """The place that fits best.
-
-    Attributes
-    ----------
-    number : int
-        Among the places.
-    fit : Fit
-    aim : array, (m, d)
-        Displacements of the markers in m that the linear body has to reach, around this fit.
-    """
-
-    number: int
-    fit: Fit
-    aim: Array
-
-
-def best_place(
-    places: Places, moved: Array, fitted: Callable[[int, Array], Fit], at: Callable[[Fit], Array]
-) -> BestPlace:
-    """Fit predictions in places that may bear the force, until no better one is found.
-
-    Parameters
-    ----------
-    places : Places
-    moved : array, (m, d)
-        Displacements of the markers in m, without linear ones of known loads.
-    fitted : callable
-        A number of a place and forces in N to begin with, (d + K,) → fit; it may raise WorkError.
-    at : callable
-        A fit → predicted displacements of the markers in m, (m, d), without those of known loads.
-
-    Raises
-    ------
-    WorkError
-        If there is none.
-    """
-    fits: dict[int, Fit] = {}
-    tried: set[int] = set()
-    best, aim = None, moved
-    for _ in range(RANKINGS):
-        first, forces = places.ranked(aim)
-        if tried.issuperset(first):
-            break
-        for number, begin in zip(first, forces, strict=True):
-            if number in tried:
-                continue
-            tried.add(number)
-            try:
-                fits[number] = fitted(number, begin)
-            except WorkError:
-                continue
-        if not fits:
-            break
-        sigma = min(fit.sigma for fit in fits.values())
-        best = min(fits, key=lambda number: wild_cost(fits[number].lengths, sigma))
-        fit = fits[best]
-        aim = moved - at(fit) + places.moved(best, fit.theta[: forces.shape[1]])
-    if best is None:
-        raise WorkError("no place of a force is found that fits the markers")
-    return BestPlace(best, fits[best], aim)

@@ -1,8 +1,17 @@
-"""The search for parameters: fits of predictions, then fits without their error."""
+"""The search for parameters: fits of predictions, then fits without their error.
+
+Places of a force are ranked by the linear body (`surrogate.mechanics.identification.place`). The
+first ones are fitted, with the predictions in place of the linear body. What these move the markers
+more than the linear body does, under the best force found, is then taken from the measured
+displacements, and the places are ranked again, until no new ones are among the first. As a rule
+many places fit as well as the best one, within the noise: the last ranking names all that may bear
+the force.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,8 +24,8 @@ from surrogate.mechanics.descent import Aim
 from surrogate.mechanics.descent.driven_body import longest
 from surrogate.mechanics.identification.candidates import Candidate, Start, likely_candidates
 from surrogate.mechanics.identification.equilibrium_response import EquilibriumResponse
-from surrogate.mechanics.identification.least_squares import Fit, fit, refit
-from surrogate.mechanics.identification.place import Places, best_place
+from surrogate.mechanics.identification.least_squares import Fit, fit, refit, wild_cost
+from surrogate.mechanics.identification.place import Places
 from surrogate.mechanics.identification.responses import Response
 from surrogate.mechanics.identification.tool_response import CONTACT, ToolResponse
 from surrogate.mechanics.identification.unknowns import SOMEWHERE, Unknowns
@@ -32,6 +41,7 @@ OF_NOISE = 0.1  # the same, over the noise of a marker, where that is larger
 ASTRAY = 0.01  # of the largest displacement of a marker: how far off a fit may be astray
 WITHIN = 3.0  # of the noise of a component: the same
 PARTS = (0.25, 0.5, 0.75, 1.0)  # of the way from where a search begins to the markers
+RANKINGS = 6  # of places, at most
 MANY = 64  # places of one radius that may bear a force
 
 
@@ -113,15 +123,30 @@ class MarkerFits:
             begin = np.append(forces, np.zeros(len(unknowns.moduli)))
             return self._fitted(unknowns_at(number), begin, scale_at(number))
 
-        best = best_place(
-            places, self._moved - known, fitted, lambda fit: self._at_markers @ fit.state - known
-        )
-        numbers, forces = places.ranked(best.aim, MANY * len(radii))
-        moduli = best.fit.theta[forces.shape[1] :]
-        begins = {best.number: best.fit.theta} | {
+        fits: dict[int, Fit] = {}
+        tried: set[int] = set()
+        aim = self._moved - known  # what the linear body has to reach
+        for _ in range(RANKINGS):
+            first, forces = places.ranked(aim)
+            if tried.issuperset(first):
+                break
+            for number, begin in zip(first, forces, strict=True):
+                if number not in tried:
+                    with suppress(WorkError):
+                        fits[number] = fitted(number, begin)
+            if not fits:
+                raise WorkError("no place of a force is found that fits the markers")
+            tried.update(first)
+            sigma = min(fit.sigma for fit in fits.values())
+            best = min(fits, key=lambda number: wild_cost(fits[number].lengths, sigma))
+            moved = places.moved(best, fits[best].theta[: forces.shape[1]])
+            aim = self._moved - self._at_markers @ fits[best].state + moved
+        numbers, forces = places.ranked(aim, MANY * len(radii))
+        moduli = fits[best].theta[forces.shape[1] :]
+        begins = {best: fits[best].theta} | {
             number: np.append(begin, moduli)
             for number, begin in zip(numbers, forces, strict=True)
-            if number != best.number
+            if number != best
         }
         middles = zip(places.nodes.tolist(), places.radii.tolist(), strict=True)
         of_place = dict(enumerate(middles))
@@ -129,7 +154,7 @@ class MarkerFits:
             Start(unknowns_at(number), theta, scale_at(number), *of_place[number])
             for number, theta in begins.items()
         ]
-        return likely_candidates(self._predictor, self._moved, self._at_markers, best.fit, starts)
+        return likely_candidates(self._predictor, self._moved, self._at_markers, fits[best], starts)
 
     def finished(self, best: Candidate, confirm: bool) -> Finished:
         """Fit the best candidate once more: without the estimated error, or exactly.
