@@ -172,7 +172,7 @@ def identify(
     markers : Markers, or path of a file
         At most places on or in the body; some may be wrong.
     unknown : sequence of str
-        What is sought: places as ``--load`` names them ("4,1", "4,1,0.5,0.2" or a group of the
+        What is sought: places as loads name them ("4,1", "4,1,0.5,0.2" or a group of the
         mesh), "pressure:GROUP" (which follows the surface), "somewhere" (one force at an unknown
         node of the surface), "somewhere,R" (spread over it within R m of one), "somewhere,any"
         (within a radius that is sought), "body-force",

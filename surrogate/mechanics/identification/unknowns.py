@@ -87,7 +87,7 @@ class Unknowns:
         ----------
         geometry : Geometry
         texts : sequence of str
-            Places as ``--load`` names them ("4,1", "4,1,0.2" or a group), "body-force",
+            Places as loads name them ("4,1", "4,1,0.2" or a group), "body-force",
             "pressure:GROUP", "young-modulus", or "young-modulus:GROUP" of zones, and "somewhere"
             (`radii_of`), which `at` brings in.
         known : CommandLoads

@@ -270,7 +270,7 @@ def given_load(
     ----------
     geometry : Geometry
     load : array (n_nodes or n_points, d), Tensor, str, Path or sequence of str and Path
-        A load in N; or texts as ``--load`` takes them, and files as ``--forces`` does
+        A load in N; or texts, and files of forces
         (`shared_schema.common.bodies.command_loads`).
     nearest : bool
         Let forces at other places act at the nearest node.

@@ -86,7 +86,7 @@ class Grip(Frames[HeldComponents, GripFrame]):
     model : Surrogate, or Series
     held : sequence of str, or mapping of str to displacements
         Places of nodes, such as "4,1", and named groups of the mesh, whose nodes all move by the
-        same displacement; also as ``--hold`` takes them, such as "4,1:0.02,-". A mapping from
+        same displacement; also with displacements, such as "4,1:0.02,-". A mapping from
         places to displacements in m says the same, with None for a component that stays free.
     nearest : bool
         Let places beside a node mean the nearest one.
@@ -247,7 +247,7 @@ def at_points(geometry: Geometry, moved: NDArray[np.bool_]) -> NDArray[np.bool_]
 
 
 def _texts(held: Held, dimension: int) -> list[str]:
-    """The notation of ``--hold``; InputError if nothing is held."""
+    """Texts of places and displacements; InputError if nothing is held."""
     if isinstance(held, Mapping):
         parts = {place: ["-" if v is None else str(v) for v in u] for place, u in held.items()}
         texts = [f"{place}:{','.join(values)}" for place, values in parts.items()]
