@@ -288,17 +288,17 @@ class Surrogate(Remade):
         ----------
         load : array (n_nodes or n_points, d), Tensor, str, Path or sequence of str and Path
             Nodal forces in N, and after these, of elements with points between the nodes, the
-            forces there (`Solution.load`); or texts such as "4,1:0,-1.5"
-            (a force in N at the node there), "top:0,-2" (on a group of the mesh) or "top:5" (a
-            pressure in Pa), and files of forces. All act together.
+            forces there (`Solution.load`); or texts such as "4,1:0,-1.5" (a force in N at the node
+            there), "top:0,-2" (on a group of the mesh) or "top:5" (a pressure in Pa), and files of
+            forces. All act together.
         held : mapping of str to displacements, or sequence of str, optional
             Places and groups that are held at displacements in m, such as {"4,1": (0.02, None)},
-            or texts such as "4,1:0.02,-"; the solution's `force` holds
-            the forces that do it (`surrogate.Grip`).
+            or texts such as "4,1:0.02,-"; the solution's `force` holds the forces that do it
+            (`surrogate.Grip`).
         tool : Tool or str, optional
             A rigid tool of `shared_schema.tools` that the surface keeps out of, without friction,
-            or a text such as "sphere:3,1.2:0.3"; the solution's `force`
-            holds its forces, and `contact` says more (`surrogate.Touch`).
+            or a text such as "sphere:3,1.2:0.3"; the solution's `force` holds its forces, and
+            `contact` says more (`surrogate.Touch`).
         body_force : str or sequence of d floats, optional
             A force in N per m³ of the undeformed body that acts everywhere, such as its weight.
         young_modulus : float, optional
