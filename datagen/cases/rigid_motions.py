@@ -12,11 +12,9 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from datagen.mesh.raw_mesh import RawMesh
-from shared_schema.common.bodies.cells import FACETS
+from shared_schema.common.bodies.cells import components, parts_of
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -34,7 +32,7 @@ def motion_problem(mesh: RawMesh, held: NDArray[np.bool_]) -> str | None:
     """
     x, count = mesh.coordinates, len(mesh.coordinates)
     first = np.repeat(mesh.cells[:, 0], mesh.cells.shape[1])
-    body = _components(first, mesh.cells.ravel(), count)
+    body = components(first, mesh.cells.ravel(), count)
     loose = np.flatnonzero(~np.isin(body, body[held.any(axis=1)]))
     if loose.size:
         at = _at(x[loose[0]])
@@ -57,15 +55,6 @@ def motion_problem(mesh: RawMesh, held: NDArray[np.bool_]) -> str | None:
         if moving is not None:
             return _moving(x, together[moving], shared)
     return None
-
-
-def parts_of(cells: Ints, cell_type: str) -> Ints:
-    """Number of the part that each cell belongs to, cells of which are connected by facets."""
-    facets = np.concatenate([np.sort(cells[:, facet], axis=1) for facet in FACETS[cell_type]])
-    of_cell = np.tile(np.arange(len(cells)), len(FACETS[cell_type]))
-    order = np.lexsort(facets.T)
-    same = (facets[order[1:]] == facets[order[:-1]]).all(axis=1)
-    return _components(of_cell[order[1:][same]], of_cell[order[:-1][same]], len(cells))
 
 
 def rigid_modes(positions: Array) -> Array:
@@ -148,12 +137,6 @@ def _moving(x: Array, nodes: Ints, shared: NDArray[np.bool_]) -> str:
         f"{len(joints)} nodes but no facet with others, the first at {_at(x[joints[0]])}; expected "
         "it to be held or joined by facets"
     )
-
-
-def _components(some: Ints, others: Ints, count: int) -> Ints:
-    """Number of the connected component of each of some things, of which pairs are connected."""
-    pairs = coo_array((np.ones(len(some)), (some, others)), shape=(count, count))
-    return np.asarray(connected_components(pairs, directed=False)[1], dtype=np.int64)
 
 
 def _at(position: Array) -> str:

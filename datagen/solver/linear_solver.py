@@ -205,7 +205,7 @@ def rigid_body_modes(matrix: PETSc.Mat, points: NDArray[np.float64]) -> PETSc.Nu
     """Translations and infinitesimal rotations of a body: 3 modes in the plane, 6 in space.
 
     They span the null space of the tangent of the undeformed body without supports; multigrid needs
-    its coarse spaces to represent them. The modes are made orthonormal by Gram and Schmidt.
+    its coarse spaces to represent them. The modes are orthonormal.
 
     Parameters
     ----------
@@ -214,24 +214,12 @@ def rigid_body_modes(matrix: PETSc.Mat, points: NDArray[np.float64]) -> PETSc.Nu
     points : array, (n_owned_nodes, d)
         Positions in m of the nodes that this rank owns, in the order of their degrees of freedom.
     """
-    dimension = points.shape[1]
-    modes = []
-    for axis in range(dimension):
-        modes.append(np.zeros_like(points))
-        modes[-1][:, axis] = 1.0
-    for a in range(dimension):
-        for b in range(a + 1, dimension):
-            modes.append(np.zeros_like(points))
-            modes[-1][:, a], modes[-1][:, b] = -points[:, b], points[:, a]
-    basis: list[PETSc.Vec] = []
-    for mode in modes:
-        vector = matrix.createVecLeft()
-        vector.array_w[:] = mode.ravel()
-        for other in basis:
-            vector.axpy(-vector.dot(other), other)
-        vector.normalize()
-        basis.append(vector)
-    return PETSc.NullSpace().create(vectors=basis, comm=matrix.comm)
+    x = matrix.createVecLeft()
+    x.setBlockSize(points.shape[1])
+    x.array_w[:] = points.ravel()
+    modes = PETSc.NullSpace().createRigidBody(x)
+    x.destroy()
+    return modes
 
 
 def _from_options(

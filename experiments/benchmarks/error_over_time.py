@@ -11,7 +11,7 @@ from __future__ import annotations
 import argparse
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -40,22 +40,22 @@ Array = NDArray[np.float64]
 Way = Callable[[Array], Array]
 
 
-def ways_of(body: Path, runs: list[surrogate.Surrogate], work: Path) -> dict[str, Way]:
-    """All predictions on a body by name; the last but the networks is the most accurate."""
-    config = surrogate.read_config("series", data=body)
-    ways: dict[str, Way] = {}
-    for order in ORDERS:
-        of_order = config.model_copy(update={"series_order": order})
-        series = surrogate.train(of_order, body, work / f"{body.parent.name}-{order}")
-        ways[f"series of order {order}"] = series.predict
-        if order == config.model_dump()["series_order"]:
-            standard = series
-    for tolerance in TOLERANCES:
-        ways[f"directions to {tolerance:g}"] = driven(standard, tolerance)
-    for run in runs:
-        if run.description.data.case["name"] == standard.description.data.case["name"]:
-            ways[run.description.run.architecture] = run.predict
-    return ways
+def ways_of_series(
+    data: Path, work: Path, orders: Sequence[int], tolerances: Sequence[float]
+) -> tuple[dict[str, Way], surrogate.Surrogate]:
+    """Load series of some orders, and directions from that of the usual order, with this one."""
+    config = surrogate.read_config("series", data=data)
+    series = {
+        order: surrogate.train(
+            config.model_copy(update={"series_order": order}), data, work / str(order)
+        )
+        for order in orders
+    }
+    usual = series[config.model_dump()["series_order"]]
+    ways: dict[str, Way] = {f"series of order {order}": of.predict for order, of in series.items()}
+    for tolerance in tolerances:
+        ways[f"directions to {tolerance:g}"] = driven(usual, tolerance)
+    return ways, usual
 
 
 def driven(model: surrogate.Surrogate, tolerance: float) -> Way:
@@ -75,18 +75,20 @@ def compare(ways: dict[str, Way], solving: surrogate.Surrogate, forces: Array) -
             predicted, seconds = timed(partial(predict, force), time.process_time)
             worst = float(node_errors(predicted, truth).max()) / largest
             found[name].append([float(np.abs(predicted - truth).mean()), worst, 1e3 * seconds])
-    measured: Results = {}
-    for name, values in found.items():
-        error, worst, ms = np.array(values).T
-        measured[name] = {
-            "mean_error_m": float(error.mean()),
-            "median_error_m": float(np.median(error)),
-            "within": float((worst <= NEAR).mean()),
-            "worst": float(worst.max()),
-            "median_ms": float(np.median(ms)),
-            "mean_ms": float(ms.mean()),
-        }
-    return measured
+    return {name: summary(*np.array(values).T) for name, values in found.items()}
+
+
+def summary(error: Array, worst: Array, ms: Array) -> Results:
+    """Errors in m, largest ones over the displacement, and times of some loads."""
+    return {
+        "mean_error_m": float(error.mean()),
+        "std_error_m": float(error.std()),
+        "median_error_m": float(np.median(error)),
+        "within": float((worst <= NEAR).mean()),
+        "worst": float(worst.max()),
+        "median_ms": float(np.median(ms)),
+        "mean_ms": float(ms.mean()),
+    }
 
 
 def measure(options: argparse.Namespace) -> Results:
@@ -99,10 +101,16 @@ def measure(options: argparse.Namespace) -> Results:
     with TemporaryDirectory() as work:
         for text in options.bodies:
             folder, _, count = text.partition(":")
-            ways = ways_of(Path(folder), networks, Path(work))
-            solving = surrogate.load(next(Path(work).glob(f"{Path(folder).parent.name}-5")))
+            place = Path(work) / Path(folder).parent.name
+            ways, solving = ways_of_series(Path(folder), place, ORDERS, TOLERANCES)
+            case = solving.description.data.case["name"]
+            ways |= {
+                run.description.run.architecture: run.predict
+                for run in networks
+                if run.description.data.case["name"] == case
+            }
             forces = drawn_loads(solving, int(count or 100), np.random.default_rng(options.seed))
-            results["bodies"][solving.description.data.case["name"]] = {
+            results["bodies"][case] = {
                 "nodes": len(solving.geometry.coordinates),
                 "loads": len(forces),
                 "ways": compare(ways, solving, forces),

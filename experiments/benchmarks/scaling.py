@@ -19,10 +19,12 @@ import sys
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import yaml
+from numpy.typing import NDArray
 
 from datagen.cases import SHIPPED
 from experiments.benchmarks.benchmark import Benchmark, Results, stored_record
@@ -74,23 +76,32 @@ def run_seconds(
         return timed(lambda: run_program(launch(program), environment))[1]
 
 
-def scale(name: str, counts: tuple[int, int], ways: list[Way], rounds: int) -> list[Results]:
-    """Measure rates and start-up times of a case by all ways, the first of which is one rank."""
-    few, many = counts
+def times_of(
+    name: str,
+    counts: tuple[int, int],
+    parts: int,
+    ways: Sequence[Callable[[Path, int], float]],
+    rounds: int,
+) -> tuple[NDArray[np.float64], int]:
+    """Times of a case with both numbers of samples by all ways in turn: (rounds, ways, 2) in s.
+
+    The fewer samples make so many shards at least, whose size is returned as well.
+    """
     content = yaml.safe_load((SHIPPED / f"{name}.yaml").read_text())
-    shard_size = min(content["dataset"]["shard_size"], max(1, few // max(w.ranks for w in ways)))
-    content["dataset"]["shard_size"] = (
-        shard_size  # so that even few samples make a shard for every rank
-    )
+    shard_size = min(content["dataset"]["shard_size"], max(1, counts[0] // parts))
+    content["dataset"]["shard_size"] = shard_size
     with tempfile.TemporaryDirectory() as folder:
         case = Path(folder) / "case.yaml"
         case.write_text(yaml.safe_dump(content))
-        times = np.array(
-            [
-                [[run_seconds(way.words, case, n) for n in counts] for way in ways]
-                for _ in range(rounds)
-            ]
-        )  # (rounds, ways, 2)
+        times = [[[way(case, n) for n in counts] for way in ways] for _ in range(rounds)]
+    return np.array(times), shard_size
+
+
+def scale(name: str, counts: tuple[int, int], ways: list[Way], rounds: int) -> list[Results]:
+    """Measure rates and start-up times of a case by all ways, the first of which is one rank."""
+    few, many = counts
+    runs = [partial(run_seconds, way.words) for way in ways]
+    times, shard_size = times_of(name, counts, max(way.ranks for way in ways), runs, rounds)
     slopes = (times[..., 1] - times[..., 0]) / (many - few)
     start_up = times[..., 0] - few * slopes
     return [

@@ -14,38 +14,27 @@ from __future__ import annotations
 
 import argparse
 import tempfile
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import yaml
 
-from datagen.cases import SHIPPED
 from experiments.benchmarks.benchmark import Benchmark, Results
-from experiments.benchmarks.scaling import run_seconds
+from experiments.benchmarks.scaling import run_seconds, times_of
 from experiments.framework.report import table_of
 from shared_schema.common import Parser
 from tools.two_nodes import TwoNodes, two_nodes
 
 
-def seconds(case: Path, samples: int, nodes: TwoNodes | None) -> float:
-    """Wall time in s of one whole run by two ranks into a new folder: on one node, or on two."""
-    if nodes is None:
-        return run_seconds(lambda program: ["mpirun", "-n", "2", *program], case, samples)
-    return run_seconds(nodes.words, case, samples, nodes.environment())
-
-
 def compare(name: str, counts: tuple[int, int], rounds: int, nodes: TwoNodes) -> Results:
     """Measure the rates of both ways in turn; the ratio is that of each round."""
     few, many = counts
-    content: dict[str, Any] = yaml.safe_load((SHIPPED / f"{name}.yaml").read_text())
-    content["dataset"]["shard_size"] = max(1, few // 4)
-    case = nodes.folder / f"{name}.yaml"
-    case.write_text(yaml.safe_dump(content))
-    rates = np.zeros((rounds, 2))
-    for one in rates:
-        for way, at in enumerate((None, nodes)):
-            one[way] = (many - few) / (seconds(case, many, at) - seconds(case, few, at))
+    ways = [
+        partial(run_seconds, lambda program: ["mpirun", "-n", "2", *program]),
+        partial(run_seconds, nodes.words, environment=nodes.environment()),
+    ]
+    times, _ = times_of(name, counts, 4, ways, rounds)
+    rates = (many - few) / (times[..., 1] - times[..., 0])
     one_node, two = np.median(rates, axis=0)
     return {
         "case": name,

@@ -13,7 +13,6 @@ import argparse
 import sys
 import time
 import warnings
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -23,16 +22,16 @@ from numpy.typing import NDArray
 
 import surrogate
 from experiments.benchmarks.benchmark import Benchmark, Results
+from experiments.benchmarks.error_over_time import Way, summary, ways_of_series
 from experiments.framework.report import table_of
 from experiments.framework.timing import timed
 from shared_schema import read_manifest
 from shared_schema.common import Parser
 from surrogate.learning.measures import node_errors
 
-NEAR, ORDERS, TOLERANCES = 5e-3, (1, 3, 5), (5e-3,)
+ORDERS, TOLERANCES = (1, 3, 5), (5e-3,)
 TIMED = 50  # samples that are predicted one by one as well
 Array = NDArray[np.float64]
-Way = Callable[[Array], Array]
 
 
 def measure(options: argparse.Namespace) -> Results:
@@ -44,7 +43,8 @@ def measure(options: argparse.Namespace) -> Results:
     test = dataset.nodal_test
     found: Results = {}
     with TemporaryDirectory() as work:
-        for name, way in ways_without_samples(folder / "structured", Path(work)).items():
+        ways, _ = ways_of_series(folder / "structured", Path(work), ORDERS, TOLERANCES)
+        for name, way in ways.items():
             found[name] = errors(name, way, test.force, test.displacement)
     for run in map(surrogate.load, options.runs):
         name = run.description.run.architecture
@@ -61,23 +61,6 @@ def measure(options: argparse.Namespace) -> Results:
     }
 
 
-def ways_without_samples(data: Path, work: Path) -> dict[str, Way]:
-    """The load series of some orders, and directions from the highest one."""
-    ways: dict[str, Way] = {}
-    for order in ORDERS:
-        config = surrogate.read_config("series", data=data, changes=[f"series_order={order}"])
-        series = surrogate.train(config, data, work / str(order))
-        ways[f"series of order {order}"] = series.predict
-    for tolerance in TOLERANCES:
-        ways[f"directions to {tolerance:g}"] = driven(series, tolerance)
-    return ways
-
-
-def driven(model: surrogate.Surrogate, tolerance: float) -> Way:
-    """Prediction with a tolerance."""
-    return lambda force: model.predict(force, tolerance=tolerance)
-
-
 def errors(name: str, predict: Way, forces: Array, truth: Array) -> Results:
     """Errors over all samples, and the processor time of single predictions."""
     seconds = []
@@ -90,14 +73,7 @@ def errors(name: str, predict: Way, forces: Array, truth: Array) -> Results:
     of_samples = np.abs(predicted - truth).mean(axis=(1, 2))
     worst = node_errors(predicted, truth).max(axis=1) / np.linalg.norm(truth, axis=2).max(axis=1)
     print(name, of_samples.mean(), file=sys.stderr)
-    return {
-        "mean_error_m": float(of_samples.mean()),
-        "std_error_m": float(of_samples.std()),
-        "median_error_m": float(np.median(of_samples)),
-        "within": float((worst <= NEAR).mean()),
-        "worst": float(worst.max()),
-        "median_ms": 1e3 * float(np.median(seconds)),
-    }
+    return summary(of_samples, worst, 1e3 * np.array(seconds))
 
 
 def size_of(folder: Path) -> float:

@@ -1,13 +1,8 @@
-"""Records of experiments in JSON: inputs, machine, command, findings, and a digest of all that.
-
-Records of older versions are read as well: those of studies, and those of benchmarks, which had no
-schema.
-"""
+"""Records of experiments in JSON: inputs, machine, command, findings, and a digest of all that."""
 
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -211,7 +206,7 @@ def record_path(out: Path, name: str) -> Path:
 
 
 def read_record(path: Path) -> Record | None:
-    """Read a record of this or an older version, or return None if there is no such file.
+    """Read a record, or return None if there is no such file.
 
     Raises
     ------
@@ -226,10 +221,6 @@ def read_record(path: Path) -> Record | None:
         raise InputError(f"{path}: damaged ({error})") from None
     if not isinstance(content, dict):
         raise InputError(f"{path}: damaged (not a record)")
-    if "study" in content:
-        return validate(Record, _of_study(content), str(path))
-    if "experiment" not in content:
-        return validate(Record, _of_benchmark(content, path), str(path))
     record = validate(Record, content, str(path))
     if record.digest != digest_of({key: content[key] for key in content if key != "digest"}):
         raise InputError(f"{path}: damaged (its digest is not that of its content)")
@@ -239,63 +230,6 @@ def read_record(path: Path) -> Record | None:
 def write_record(record: Record, path: Path) -> None:
     """Write a record, sealed by its digest."""
     write_text(path, json.dumps(record.plain(), indent=1, ensure_ascii=False) + "\n")
-
-
-def _of_study(content: dict[str, Any]) -> dict[str, Any]:
-    """Entries of an older record of a study; statements beyond the paper have no verdict now."""
-    kept = ("datasets", "runs", "software")
-    findings = dict(content["findings"])
-    findings["claims"] = [
-        {key: value for key, value in claim.items() if key != "of_paper"}
-        for claim in findings["claims"]
-        if claim.get("of_paper", True)
-    ]
-    return {
-        **{key: content[key] for key in kept},
-        "experiment": content["study"],
-        "configuration": {"scale": content["scale"], "passes": content["passes"]},
-        "seed": 0,
-        "command": f"python -m experiments study {content['study']} --scale {content['scale']}",
-        "machine": {"hardware": content["hardware"]},
-        "inputs": content["fingerprint"],
-        "seconds": 60 * content["minutes"],
-        "findings": findings,
-    }
-
-
-def _of_benchmark(content: dict[str, Any], path: Path) -> dict[str, Any]:
-    """Entries of an older result of a benchmark, whose command named a module."""
-    machine = content.get("machine", {})
-    of_machine = ("processor", "cores", "load_averages")
-    numbers = {key: value for key, value in content.items() if key not in ("command", "machine")}
-    if "config" in numbers:
-        numbers["config"] = _moved(numbers["config"])
-    return {
-        "experiment": path.stem,
-        "configuration": {},
-        "seed": 0,
-        "command": _renamed(str(content.get("command", ""))),
-        "machine": {key: machine[key] for key in of_machine if key in machine},
-        "software": {key: str(machine[key]) for key in machine if key not in of_machine},
-        "inputs": "",
-        "seconds": 0.0,
-        "findings": {"numbers": numbers},
-    }
-
-
-def _renamed(command: str) -> str:
-    """Write the command of an older benchmark as it is called now."""
-
-    def name(found: re.Match[str]) -> str:
-        module = re.sub(r"_(throughput|latency)$", "", found[1]).replace("_", "-")
-        return f"-m experiments benchmark {module}"
-
-    return _moved(re.sub(r"-m tests\.benchmarks\.(\w+)", name, command))
-
-
-def _moved(text: str) -> str:
-    """Paths of the files of benchmarks, where they are now."""
-    return text.replace("tests/benchmarks/", "experiments/benchmarks/")
 
 
 def rounded(content: Any) -> Any:

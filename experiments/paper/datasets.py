@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -14,7 +12,7 @@ from experiments.framework.experiment import Experiment, Findings
 from experiments.framework.record import Cell, Claim, Table
 from experiments.framework.resources import Resources
 from experiments.measures.errors_on_test_split import BODIES
-from experiments.paper.published_numbers import PAPER
+from experiments.paper.published_numbers import PAPER, PaperDataset
 from shared_schema.common.drawing import REFERENCE, UNDEFORMED, make_drawing, make_figure, styled
 from surrogate.learning.data import Geometry
 
@@ -32,68 +30,34 @@ OTHERS = (
 SHARE = 1e-3  # largest difference of the shares of the test split
 
 
-@dataclass(frozen=True)
-class Characteristics:
-    """Characteristics of a dataset, as in the paper's table.
-
-    Attributes
-    ----------
-    dofs, padded : int
-        Degrees of freedom of the mesh, and components on its grid.
-    force : tuple of float
-        Range of a force component in N.
-    train, test : int
-        Numbers of samples N and M.
-    """
-
-    dofs: int
-    padded: int
-    force: tuple[float, ...]
-    train: int
-    test: int
-
-    @property
-    def samples(self) -> int:
-        """Number of all samples N + M."""
-        return self.train + self.test
-
-    def cells(self) -> tuple[str, str, str]:
-        """Cells of the row: degrees of freedom, range and size."""
-        padded = f" ({self.padded})" if self.padded != self.dofs else ""
-        low, high = (f"{newtons:g}".replace("-", "−") for newtons in self.force)
-        return f"{self.dofs}{padded}", f"{low} to {high}", f"{self.train} + {self.test}"
-
-    def agrees(self, other: Characteristics) -> bool:
-        """Compare DOFs, force range, N + M and the share of the test split."""
-        shares = (self.test / self.samples, other.test / other.samples)
-        return (
-            (self.dofs, self.padded, self.force) == (other.dofs, other.padded, other.force)
-            and self.samples == other.samples
-            and abs(shares[0] - shares[1]) < SHARE
-        )
+def cells_of(dataset: PaperDataset) -> tuple[str, str, str]:
+    """Cells of a row: degrees of freedom, range and size."""
+    padded = dataset.padded_dofs
+    points = f" ({padded})" if padded != dataset.dofs else ""
+    low, high = (f"{newtons:g}".replace("-", "−") for newtons in dataset.force_range_newton)
+    size = f"{dataset.training_samples} + {dataset.test_samples}"
+    return f"{dataset.dofs}{points}", f"{low} to {high}", size
 
 
-PAPER_DATASETS = {
-    name: Characteristics(
-        paper.dofs,
-        paper.padded_dofs,
-        paper.force_range_newton,
-        paper.training_samples,
-        paper.test_samples,
-    )
-    for name, paper in PAPER.datasets.items()
-}
+def agree(here: PaperDataset, paper: PaperDataset) -> bool:
+    """Compare DOFs, force range, N + M and the share of the test split."""
+    known, sizes = [], []
+    for each in (here, paper):
+        samples = each.training_samples + each.test_samples
+        known.append((each.dofs, each.padded_dofs, each.force_range_newton, samples))
+        sizes.append(each.test_samples / samples)
+    return known[0] == known[1] and abs(sizes[0] - sizes[1]) < SHARE
 
 
-def characteristics(resources: Resources, name: str) -> Characteristics:
-    """Characteristics of a dataset here."""
+def characteristics(resources: Resources, name: str) -> PaperDataset:
+    """Characteristics of a dataset here, as the paper's table has them."""
     dataset = resources.structured(name)
-    return Characteristics(
-        dataset.geometry.coordinates.size,
-        dataset.geometry.dimension * dataset.geometry.grid.mask.size,
-        tuple(dataset.manifest.case["load"]["range"]),
-        dataset.info.train,
-        dataset.info.test,
+    return PaperDataset(
+        dofs=dataset.geometry.coordinates.size,
+        padded_dofs=dataset.geometry.dimension * dataset.geometry.grid.mask.size,
+        force_range_newton=tuple(dataset.manifest.case["load"]["range"]),
+        training_samples=dataset.info.train,
+        test_samples=dataset.info.test,
     )
 
 
@@ -101,16 +65,16 @@ def measure(resources: Resources) -> Findings:
     """Compare every dataset with the paper's; draw the bodies and the padded grid."""
     rows: list[tuple[Cell, ...]] = []
     claims = []
-    for name, paper in PAPER_DATASETS.items():
+    for name, paper in PAPER.datasets.items():
         here, failed = characteristics(resources, name), resources.manifest(name).failed
-        rows += [(NAMES[name], "here", *here.cells(), failed)]
-        rows += [(NAMES[name], "paper", *paper.cells(), None)]
+        rows += [(NAMES[name], "here", *cells_of(here), failed)]
+        rows += [(NAMES[name], "paper", *cells_of(paper), None)]
         claims.append(
             Claim(
                 what=f"{NAMES[name]}: DOFs, force range and number of samples are the paper's.",
-                holds=here.agrees(paper),
-                evidence="DOFs {}, {} N, {} samples; ".format(*here.cells())
-                + "the paper: {}, {} N, {}.".format(*paper.cells()),
+                holds=agree(here, paper),
+                evidence="DOFs {}, {} N, {} samples; ".format(*cells_of(here))
+                + "the paper: {}, {} N, {}.".format(*cells_of(paper)),
             )
         )
     head = ("dataset", "", "DOFs (padded)", "force component [N]", "N + M", "failed load cases")
@@ -201,5 +165,5 @@ STUDY = Experiment(
     labels=("tab:datasets", "fig: three benchmark examples schematics", "L_padding"),
     question="On which meshes, under which forces and on how many samples are networks trained?",
     measure=measure,
-    datasets=(*PAPER_DATASETS, *OTHERS),
+    datasets=(*PAPER.datasets, *OTHERS),
 )

@@ -14,10 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from datagen.mesh.overlap import near_pairs
+from shared_schema.common.bodies.cells import parts_of
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -61,7 +60,7 @@ def bodies_of(points: Array, triangles: Ints) -> list[Body]:
         raise ValueError("no triangle in it, expected a closed surface")
     _require_closed(points, triangles)
     _require_uncut(points, triangles)
-    number = shells_of(triangles)
+    number = parts_of(triangles, "triangle")
     shells = [np.flatnonzero(number == shell) for shell in range(int(number.max()) + 1)]
     corners = [points[triangles[shell]] for shell in shells]
     volumes = [
@@ -91,16 +90,6 @@ def bodies_of(points: Array, triangles: Ints) -> list[Body]:
         volume = abs(volumes[outer]) - sum(abs(volumes[room]) for room in rooms)
         bodies.append(Body([shells[each] for each in (outer, *rooms)], volume))
     return bodies
-
-
-def shells_of(triangles: Ints) -> Ints:
-    """Number of the shell that each triangle belongs to."""
-    edges = np.sort(triangles[:, EDGES].reshape(-1, 2), axis=1)
-    order = np.lexsort(edges.T)
-    same = (edges[order[1:]] == edges[order[:-1]]).all(axis=1)
-    pairs = order[1:][same] // 3, order[:-1][same] // 3
-    graph = coo_array((np.ones(same.sum()), pairs), shape=(len(triangles),) * 2)
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
 def _require_closed(points: Array, triangles: Ints) -> None:

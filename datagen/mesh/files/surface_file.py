@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from datagen.mesh.files.closed_shells import Body, bodies_of, shells_of
+from datagen.mesh.files.closed_shells import Body, bodies_of
 from datagen.mesh.gmsh_model import generate, gmsh_session
 from datagen.mesh.raw_mesh import RawMesh, raw_mesh
-from shared_schema.common.bodies.cells import boundary_facets
+from shared_schema.common.bodies.cells import boundary_facets, parts_of
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -101,7 +101,7 @@ def _filled(
 
 def _require_filled(at: Array, cells: Ints, body: Body, anew: bool) -> None:
     """Raise ValueError unless the cells fill a body and leave its rooms empty."""
-    shells = int(shells_of(boundary_facets(cells, "tetra")).max(initial=-1)) + 1
+    shells = int(parts_of(boundary_facets(cells, "tetra"), "triangle").max(initial=-1)) + 1
     if shells != len(body.shells):
         raise ValueError(
             f"gmsh fills a body with {shells} closed parts of its surface, of {len(body.shells)} "

@@ -10,7 +10,6 @@ in N on the points of the cells: the corners and, on quadratic elements, those b
 
 from __future__ import annotations
 
-from itertools import product
 from math import factorial
 
 import numpy as np
@@ -21,7 +20,7 @@ from shared_schema.common.bodies.quadratic.quadratic_cells import (
     quadratic_shape_gradients,
     quadratic_shape_values,
 )
-from shared_schema.common.bodies.reference_cells import CORNERS, GAUSS
+from shared_schema.common.bodies.reference_cells import quadrature, shape_gradients, shape_values
 
 Array = NDArray[np.float64]
 SIMPLICES = {  # shares of a simplex with straight edges: of its corners, and of the edges' middles
@@ -67,14 +66,10 @@ def cell_shares(points: Array) -> Array:
     if (d, count) in QUADRATIC:
         cell = QUADRATIC[d, count]
         at, weights = quadratic_quadrature(cell)
-        jacobians = np.einsum("cai,qaj->cqij", points, quadratic_shape_gradients(cell, at))
-        volumes = np.abs(np.linalg.det(jacobians)) * weights
-        return np.asarray(volumes @ quadratic_shape_values(cell, at))
-    signs = 2 * np.array(CORNERS["quad" if d == 2 else "hexahedron"]) - 1
-    shares = np.zeros(points.shape[:2])
-    for point in product(GAUSS, repeat=d):
-        factors = (1 + signs * np.array(point)) / 2
-        slopes = [signs[:, j] / 2 * np.delete(factors, j, axis=1).prod(axis=1) for j in range(d)]
-        jacobians = np.einsum("cai,ja->cij", points, np.array(slopes))
-        shares += np.abs(np.linalg.det(jacobians))[:, None] * factors.prod(axis=1)
-    return shares
+        values, slopes = quadratic_shape_values(cell, at), quadratic_shape_gradients(cell, at)
+    else:
+        cell = "quad" if d == 2 else "hexahedron"
+        at, weights = quadrature(cell)
+        values, slopes = shape_values(cell, at), shape_gradients(cell, at)
+    jacobians = np.einsum("cai,qaj->cqij", points, slopes)
+    return np.asarray(np.abs(np.linalg.det(jacobians)) * weights @ values)

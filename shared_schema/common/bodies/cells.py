@@ -1,9 +1,11 @@
-"""Cells by meshio's names: their facets, the neighbours of a corner, the boundary of a mesh."""
+"""Cells by meshio's names: facets, neighbours of a corner; boundary and parts of a mesh."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 FACETS = {  # corners of each facet of a cell, going round; in space as seen from outside
     "triangle": ((0, 1), (1, 2), (2, 0)),
@@ -91,3 +93,18 @@ def _of_one_cell(facets: NDArray[np.int64]) -> NDArray[np.int64]:
         np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True
     )
     return np.asarray(facets[np.sort(first[count == 1])])
+
+
+def parts_of(cells: NDArray[np.int64], cell_type: str) -> NDArray[np.int64]:
+    """Number of the part that each cell belongs to, cells of which are connected by facets."""
+    facets = np.concatenate([np.sort(cells[:, facet], axis=1) for facet in FACETS[cell_type]])
+    of_cell = np.tile(np.arange(len(cells)), len(FACETS[cell_type]))
+    order = np.lexsort(facets.T)
+    same = (facets[order[1:]] == facets[order[:-1]]).all(axis=1)
+    return components(of_cell[order[1:][same]], of_cell[order[:-1][same]], len(cells))
+
+
+def components(some: NDArray[np.int64], others: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    """Number of the connected component of each of some things, of which pairs are connected."""
+    pairs = coo_array((np.ones(len(some)), (some, others)), shape=(count, count))
+    return np.asarray(connected_components(pairs, directed=False)[1], dtype=np.int64)

@@ -36,19 +36,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.common.bodies.quadratic.quadratic_cells import (
+    LINEAR,
     quadratic_quadrature,
     quadratic_shape_gradients,
     quadratic_shape_values,
 )
-from shared_schema.common.bodies.reference_cells import CORNERS, GAUSS
+from shared_schema.common.bodies.reference_cells import (
+    quadrature,
+    shape_gradients,
+    shape_values,
+)
 
 Array = NDArray[np.float64]
-SIGNS = 2 * np.array(CORNERS["quad"]) - 1  # corners of the quadrilateral between -1 and 1
-QUADRATIC = {(2, 3): "line3", (3, 6): "triangle6", (3, 9): "quad9"}  # by d, number of points
-DUNAVANT = (  # barycentric coordinate of one corner, and weight, of 3 points each
-    (0.108103018168070, 0.223381589678011),
-    (0.816847572980459, 0.109951743655322),
-)
+NAMES = {  # of facets, by d, number of points
+    **{(2, 2): "line", (2, 3): "line3", (3, 3): "triangle", (3, 6): "triangle6"},
+    **{(3, 4): "quad", (3, 9): "quad9"},
+}
+ORBITS = {  # barycentric coordinate of one corner, and weight, of 3 points each
+    "triangle": ((2 / 3, 1 / 3),),
+    "triangle6": (
+        (0.108103018168070, 0.223381589678011),
+        (0.816847572980459, 0.109951743655322),
+    ),
+}
 
 
 def shape_functions(points: int, d: int) -> tuple[Array, Array, Array]:
@@ -69,33 +79,23 @@ def shape_functions(points: int, d: int) -> tuple[Array, Array, Array]:
         Derivatives of N_a with respect to the coordinates of the reference facet.
     weights : array, (n_quadrature,)
     """
-    if (d, points) in QUADRATIC:
-        facet = QUADRATIC[d, points]
-        at, weights = _quadrature(facet)
+    facet = NAMES[d, points]
+    at, weights = _quadrature(facet)
+    if facet in LINEAR:
         return quadratic_shape_values(facet, at), quadratic_shape_gradients(facet, at), weights
-    if points == 2:
-        values = np.stack([(1 - GAUSS) / 2, (1 + GAUSS) / 2], axis=1)
-        gradients = np.broadcast_to([[-0.5], [0.5]], (2, 2, 1))
-        return values, np.array(gradients), np.ones(2)
-    if points == 3:
-        values = np.full((3, 3), 1 / 6) + 0.5 * np.eye(3)
-        gradients = np.broadcast_to([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]], (3, 3, 2))
-        return values, np.array(gradients), np.full(3, 1 / 6)
-    gauss = np.stack(np.meshgrid(GAUSS, GAUSS, indexing="ij"), axis=-1).reshape(-1, 1, 2)
-    linear = 1 + SIGNS * gauss
-    gradients = np.stack([SIGNS[:, 0] * linear[..., 1], SIGNS[:, 1] * linear[..., 0]], axis=-1)
-    return linear.prod(axis=-1) / 4, gradients / 4, np.ones(4)
+    return shape_values(facet, at), shape_gradients(facet, at), weights
 
 
 def _quadrature(facet: str) -> tuple[Array, Array]:
-    """Points (n, d - 1) and weights (n,) of a quadratic reference facet."""
-    if facet == "line3":
-        at, weights = np.polynomial.legendre.leggauss(3)
+    """Points (n, d - 1) and weights (n,) of a reference facet."""
+    if facet in ORBITS:
+        orbits = ORBITS[facet]
+        points = [np.full((3, 3), (1 - a) / 2) + (1.5 * a - 0.5) * np.eye(3) for a, _ in orbits]
+        return np.concatenate(points)[:, 1:], np.repeat([weight / 2 for _, weight in orbits], 3)
+    if facet.startswith("line"):
+        at, weights = np.polynomial.legendre.leggauss(2 if facet == "line" else 3)
         return (0.5 + 0.5 * at)[:, None], 0.5 * weights
-    if facet == "quad9":
-        return quadratic_quadrature(facet)
-    orbits = [np.full((3, 3), (1 - a) / 2) + (1.5 * a - 0.5) * np.eye(3) for a, _ in DUNAVANT]
-    return np.concatenate(orbits)[:, 1:], np.repeat([weight / 2 for _, weight in DUNAVANT], 3)
+    return quadrature(facet) if facet == "quad" else quadratic_quadrature(facet)
 
 
 def facet_points(points: Array) -> tuple[Array, Array, Array]:

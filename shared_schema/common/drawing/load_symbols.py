@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.common.bodies.cells import boundary_facets
+from shared_schema.common.bodies.cells import boundary_facets, components
 from shared_schema.common.drawing.drawn_mesh import Mesh
 
 Array = NDArray[np.float64]
@@ -74,13 +74,7 @@ def load_symbols(mesh: Mesh, x: Array, force: Array) -> list[LoadSymbol]:
 
 def _patches(mesh: Mesh, loaded: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
     """Sets of loaded nodes that hang together by cells, in the order of their lowest nodes."""
-    none = len(loaded)
-    patch = np.where(loaded, np.arange(none), none)
-    while True:
-        lowest = patch.copy()
-        of_cell = patch[mesh.cells].min(axis=1, keepdims=True)
-        np.minimum.at(lowest, mesh.cells, np.broadcast_to(of_cell, mesh.cells.shape))
-        lowest[~loaded] = none
-        if (lowest == patch).all():
-            return [np.flatnonzero(patch == first) for first in np.unique(patch[loaded])]
-        patch = lowest
+    cell, corner = np.nonzero(loaded[mesh.cells])
+    nodes, count = mesh.cells[cell, corner], len(loaded)
+    patch = components(nodes, count + cell, count + len(mesh.cells))[:count]
+    return [np.flatnonzero(loaded & (patch == number)) for number in np.unique(patch[loaded])]
