@@ -81,8 +81,9 @@ def run(options: argparse.Namespace) -> None:
 
 def find_benchmark(name: str) -> Benchmark:
     """Import a benchmark, in the environment of its program."""
-    module = import_module(f"experiments.benchmarks.{name.replace('-', '_')}")
-    return module.BENCHMARK
+    from experiments.benchmarks.benchmark import Benchmark
+
+    return Benchmark.of(import_module(f"experiments.benchmarks.{name.replace('-', '_')}"))
 
 
 def run_list(options: argparse.Namespace) -> None:

@@ -8,6 +8,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from shared_schema.common import Parser, write_text
 DOCS = ROOT / "docs"
 RESULTS, PREFIX = DOCS / "results", "benchmark-"
 Results = dict[str, Any]
+FUNCTIONS = ("measure", "page", "arguments", "variant")
 
 
 class Options(Setting):
@@ -67,7 +69,7 @@ class Options(Setting):
 
 @dataclass(frozen=True)
 class Benchmark:
-    """A benchmark.
+    """A benchmark: a module with the functions below, and TITLE, ABOUT and PART (`of`).
 
     Attributes
     ----------
@@ -96,6 +98,14 @@ class Benchmark:
     variant: Callable[[argparse.Namespace], str] = lambda _: ""
     about: str = ""
     part: str = ""
+
+    @classmethod
+    def of(cls, module: ModuleType) -> Benchmark:
+        """Make the benchmark of a module from its functions and its constants in capitals."""
+        name = module.__name__.rpartition(".")[2].replace("_", "-")
+        given = {key: getattr(module, key) for key in FUNCTIONS if hasattr(module, key)}
+        texts = {key: getattr(module, key.upper(), "") for key in ("about", "part")}
+        return cls(name, module.TITLE, **given, **texts)
 
     def run(self, words: Sequence[str], command: str) -> Path:
         """Measure with some options; write the record and the page, and return the page's path."""

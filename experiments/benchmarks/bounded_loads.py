@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import surrogate
-from experiments.benchmarks.benchmark import Benchmark, Results
+from experiments.benchmarks.benchmark import Results
 from experiments.framework.report import markdown_table
 from shared_schema.common import Parser
 from surrogate.learning.inference import drawn_loads
@@ -165,16 +165,9 @@ def variant(options: argparse.Namespace) -> str:
     return "space" if any(run.description().data.dimension == 3 for run in runs) else ""
 
 
-BENCHMARK = Benchmark(
-    name="bounded-loads",
-    title="Fast bounds under loads of all kinds",
-    measure=measure,
-    page=page,
-    arguments=arguments,
-    variant=variant,
-    about=(
-        "Fast bounds of probability {level:g}, of the mean error and of the largest error of a "
-        "node (in this order), against errors to the corrected displacement. [What is refused]"
-        "(../background/certificate.md#bounds-in-real-time) has no bound."
-    ),
+TITLE = "Fast bounds under loads of all kinds"
+ABOUT = (
+    "Fast bounds of probability {level:g}, of the mean error and of the largest error of a "
+    "node (in this order), against errors to the corrected displacement. [What is refused]"
+    "(../background/certificate.md#bounds-in-real-time) has no bound."
 )

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import surrogate
-from experiments.benchmarks.benchmark import Benchmark, Results, case_of
+from experiments.benchmarks.benchmark import Results, case_of
 from experiments.framework.report import markdown_table
 from experiments.framework.timing import timed
 from experiments.measures.alarms import alarms, alarms_of_errors, judge, judge_unusual
@@ -203,13 +203,10 @@ def arguments(parser: Parser) -> None:
     parser.add_argument("--figure", type=Path)
 
 
-BENCHMARK = Benchmark(
-    name="certificates",
-    title="Certificates",
-    measure=measure,
-    page=page,
-    arguments=arguments,
-    variant=lambda options: case_of(options.dataset),
-    about=ABOUT,
-    part="`{case}`",
-)
+def variant(options: argparse.Namespace) -> str:
+    """End of the name of the record."""
+    return case_of(options.dataset)
+
+
+TITLE = "Certificates"
+PART = "`{case}`"

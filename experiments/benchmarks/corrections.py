@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from datagen import Case, read_case
 from datagen.cases import Body, make_body
 from datagen.solver import solve_from, solve_load_case
-from experiments.benchmarks.benchmark import Benchmark, Results
+from experiments.benchmarks.benchmark import Results
 from experiments.framework.report import markdown_table
 from experiments.framework.timing import timed
 from shared_schema.common import Parser, complete_or_absent
@@ -157,16 +157,14 @@ def arguments(parser: Parser) -> None:
     parser.add_argument("--only-solved", action="store_true")
 
 
-BENCHMARK = Benchmark(
-    name="corrections",
-    title="Corrected predictions",
-    measure=measure,
-    page=page,
-    arguments=arguments,
-    variant=lambda options: options.case,
-    about=(
-        "Random loads like those of the training, all solved. Times are processor times of one "
-        "thread, medians; Newton iterations are means."
-    ),
-    part="`{case}`",
+def variant(options: argparse.Namespace) -> str:
+    """End of the name of the record."""
+    return str(options.case)
+
+
+TITLE = "Corrected predictions"
+ABOUT = (
+    "Random loads like those of the training, all solved. Times are processor times of one "
+    "thread, medians; Newton iterations are means."
 )
+PART = "`{case}`"

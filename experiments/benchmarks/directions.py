@@ -35,7 +35,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import surrogate
-from experiments.benchmarks.benchmark import Benchmark, Results
+from experiments.benchmarks.benchmark import Results
 from experiments.framework.counted_networks import add_counted_networks, over_networks
 from experiments.framework.kept_rows import Row, add_rows_option, kept_rows
 from experiments.framework.report import table_of
@@ -190,14 +190,9 @@ def variant(options: argparse.Namespace) -> str:
     return "" if all("/" not in name for name in options.networks) else "materials"
 
 
-BENCHMARK = Benchmark(
-    name="directions",
-    title="Directions towards equilibrium",
-    measure=measure,
-    page=page,
-    arguments=arguments,
-    variant=variant,
-    about="Fresh loads like those of the training; of bodies that do not come with the package, "
+TITLE = "Directions towards equilibrium"
+ABOUT = (
+    "Fresh loads like those of the training; of bodies that do not come with the package, "
     "five terms of the load series under the loads of `beam3d_any` and `breast3d`. Errors are "
     "those of the worst node, relative to the largest displacement. *Directions* are means. The "
     "time is the median, over the loads, of the processor time relative to that without a "
@@ -205,5 +200,5 @@ BENCHMARK = Benchmark(
     "error is larger. *Effectivity* is the estimated over the true error of full certificates, "
     "the least and the largest of estimates that settle and errors above "
     f"{ROUNDING:g}; *certified* are those whose estimate is within the tolerance "
-    f"({TOLERANCES[0]:.1%} without one).",
+    f"({TOLERANCES[0]:.1%} without one)."
 )

@@ -12,7 +12,7 @@ import time
 from functools import partial
 
 from datagen.discretisation import ELEMENTS
-from experiments.benchmarks.benchmark import Benchmark, Results
+from experiments.benchmarks.benchmark import Results
 from experiments.framework.report import markdown_table
 from experiments.framework.timing import timed
 from shared_schema.common import Parser
@@ -115,10 +115,4 @@ def arguments(parser: Parser) -> None:
     )
 
 
-BENCHMARK = Benchmark(
-    name="elements",
-    title="Convergence of the elements",
-    measure=measure,
-    page=page,
-    arguments=arguments,
-)
+TITLE = "Convergence of the elements"

@@ -25,7 +25,7 @@ from datagen import Case, read_case
 from datagen.cases import Body, make_body
 from datagen.loads import LoadCase
 from datagen.solver import solve_load_case
-from experiments.benchmarks.benchmark import Benchmark, Results
+from experiments.benchmarks.benchmark import Results
 from experiments.benchmarks.tutorial import LoggedTutorialProblem, TutorialProblem, tutorial_solver
 from experiments.framework.report import markdown_table, table_of
 from shared_schema.common import Parser
@@ -218,13 +218,10 @@ def arguments(parser: Parser) -> None:
     )
 
 
-BENCHMARK = Benchmark(
-    name="equilibrium",
-    title="Time to find an equilibrium",
-    measure=measure,
-    page=page,
-    arguments=arguments,
-    variant=lambda options: options.platform,
-    about=ABOUT,
-    part="dolfinx {dolfinx}",
-)
+def variant(options: argparse.Namespace) -> str:
+    """End of the name of the record."""
+    return str(options.platform)
+
+
+TITLE = "Time to find an equilibrium"
+PART = "dolfinx {dolfinx}"

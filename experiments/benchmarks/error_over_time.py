@@ -22,7 +22,7 @@ from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
 import surrogate
-from experiments.benchmarks.benchmark import DOCS, Benchmark, Results
+from experiments.benchmarks.benchmark import DOCS, Results
 from experiments.framework.report import markdown_table
 from experiments.framework.timing import timed
 from shared_schema.common import Parser
@@ -181,19 +181,15 @@ def arguments(parser: Parser) -> None:
 
 
 BODIES = {"beam2d_any": 400, "lshape2d_any": 400, "beam3d_any": 60}
-BENCHMARK = Benchmark(
-    name="error-over-time",
-    title="When a network pays: error over time",
-    measure=measure,
-    page=page,
-    arguments=arguments,
-    about=(
-        "Loads that no training has seen, drawn from the family of the case, one at a time. Times "
-        "are medians of processor time on one thread. The truth is the equilibrium of the finite "
-        "elements. Errors of a node are relative to the largest displacement under the load. "
-        "U-Nets "
-        "are those that came with earlier versions of the package. A network pays where its "
-        "point lies left of "
-        "the curves."
-    ),
+
+
+TITLE = "When a network pays: error over time"
+ABOUT = (
+    "Loads that no training has seen, drawn from the family of the case, one at a time. Times "
+    "are medians of processor time on one thread. The truth is the equilibrium of the finite "
+    "elements. Errors of a node are relative to the largest displacement under the load. "
+    "U-Nets "
+    "are those that came with earlier versions of the package. A network pays where its "
+    "point lies left of "
+    "the curves."
 )

@@ -26,7 +26,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from experiments.benchmarks.benchmark import Benchmark, Results, case_of
+from experiments.benchmarks.benchmark import Results, case_of
 from experiments.framework.report import markdown_table
 from experiments.framework.scale import merged
 from experiments.measures.solutions import typical_seconds
@@ -227,18 +227,11 @@ def arguments(parser: Parser) -> None:
     parser.add_argument("--work", type=Path, default=Path("runs/further"))
 
 
-BENCHMARK = Benchmark(
-    name="further-training",
-    title="Further training",
-    measure=measure,
-    page=page,
-    arguments=arguments,
-    variant=variant,
-    about=(
-        "What a network gains by more samples, random or chosen (`surrogate propose`), and by "
-        "training without solutions (`surrogate refine`). The latter starts from the first "
-        "network, and takes as long as the training on as many random samples and their solution. "
-        "Errors are of the test split."
-    ),
-    part="`{case}`, `{config}`",
+TITLE = "Further training"
+ABOUT = (
+    "What a network gains by more samples, random or chosen (`surrogate propose`), and by "
+    "training without solutions (`surrogate refine`). The latter starts from the first "
+    "network, and takes as long as the training on as many random samples and their solution. "
+    "Errors are of the test split."
 )
+PART = "`{case}`, `{config}`"

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import surrogate
-from experiments.benchmarks.benchmark import Benchmark, Results
+from experiments.benchmarks.benchmark import Results
 from experiments.benchmarks.directions import rounded
 from experiments.framework.counted_networks import add_counted_networks, over_networks
 from experiments.framework.report import table_of
@@ -132,10 +132,4 @@ def arguments(parser: Parser) -> None:
     add_counted_networks(parser, NETWORKS, "grips", seed=307)
 
 
-BENCHMARK = Benchmark(
-    name="grips",
-    title="Places that are held",
-    measure=measure,
-    page=page,
-    arguments=arguments,
-)
+TITLE = "Places that are held"

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import surrogate
-from experiments.benchmarks.benchmark import Benchmark, Results
+from experiments.benchmarks.benchmark import Results
 from experiments.benchmarks.directions import rounded
 from experiments.framework.counted_networks import add_counted_networks, over_networks
 from experiments.framework.report import table_of
@@ -202,10 +202,4 @@ def arguments(parser: Parser) -> None:
     parser.add_argument("--truth", metavar="RUN", help="run of the same body on another mesh")
 
 
-BENCHMARK = Benchmark(
-    name="identification",
-    title="Identification from markers",
-    measure=measure,
-    page=page,
-    arguments=arguments,
-)
+TITLE = "Identification from markers"

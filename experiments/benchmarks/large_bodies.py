@@ -20,7 +20,7 @@ from mpi4py import MPI
 
 from datagen.mesh import distributed
 from datagen.solver import EquilibriumProblem, SolverSettings, solve_load_case
-from experiments.benchmarks.benchmark import Benchmark, Results
+from experiments.benchmarks.benchmark import Results
 from experiments.benchmarks.scaling import run_program
 from experiments.framework.report import table_of
 from shared_schema import NeoHookean
@@ -130,13 +130,7 @@ def arguments(parser: Parser) -> None:
     )
 
 
-BENCHMARK = Benchmark(
-    name="large-bodies",
-    title="Time and memory of large bodies",
-    measure=measure,
-    page=page,
-    arguments=arguments,
-)
+TITLE = "Time and memory of large bodies"
 
 if __name__ == "__main__":
     if (found := solve_once(json.loads(sys.argv[1]))) is not None:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from experiments.benchmarks.benchmark import Benchmark, Results
+from experiments.benchmarks.benchmark import Results
 from experiments.framework.report import markdown_table
 from experiments.framework.timing import timed
 from shared_schema.common import Parser
@@ -101,10 +101,4 @@ def arguments(parser: Parser) -> None:
     parser.add_argument("data", nargs="+", type=Path, help="structured datasets")
 
 
-BENCHMARK = Benchmark(
-    name="load-series",
-    title="The load series without a network",
-    measure=measure,
-    page=page,
-    arguments=arguments,
-)
+TITLE = "The load series without a network"

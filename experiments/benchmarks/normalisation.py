@@ -15,7 +15,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from experiments.benchmarks.benchmark import Benchmark, Results
+from experiments.benchmarks.benchmark import Results
 from experiments.benchmarks.further_training import errors
 from experiments.framework.report import markdown_table
 from experiments.framework.scale import merged
@@ -79,18 +79,12 @@ def arguments(parser: Parser) -> None:
     parser.add_argument("--work", type=Path, default=Path("runs/normalisation"))
 
 
-BENCHMARK = Benchmark(
-    name="normalisation",
-    title="Normalisation",
-    measure=measure,
-    page=page,
-    arguments=arguments,
-    about=(
-        "The paper's network on the 2D beam, with other normalisations of its convolutions: "
-        "{epochs} epochs in batches of four, with a learning rate that falls from "
-        "{learning_rate:g} to 0, from Glorot's weights. Errors are of the test split. Most forces "
-        "of a load are zero, and its displacement grows with the others: the size of a field is "
-        "what the network has to tell. Statistics of one sample take that size away; those of a "
-        "batch make it depend on the other loads of the batch."
-    ),
+TITLE = "Normalisation"
+ABOUT = (
+    "The paper's network on the 2D beam, with other normalisations of its convolutions: "
+    "{epochs} epochs in batches of four, with a learning rate that falls from "
+    "{learning_rate:g} to 0, from Glorot's weights. Errors are of the test split. Most forces "
+    "of a load are zero, and its displacement grows with the others: the size of a field is "
+    "what the network has to tell. Statistics of one sample take that size away; those of a "
+    "batch make it depend on the other loads of the batch."
 )

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from playwright.sync_api import Browser
 
-from experiments.benchmarks.benchmark import Benchmark, Results
+from experiments.benchmarks.benchmark import Results
 from experiments.framework.report import table_of
 from experiments.framework.timing import timed
 from shared_schema.common import Parser
@@ -168,10 +168,4 @@ def arguments(parser: Parser) -> None:
     parser.add_argument("--openings", type=int, default=5, help="times that a page is opened")
 
 
-BENCHMARK = Benchmark(
-    name="page",
-    title="Times of pages to drag loads on",
-    measure=measure,
-    page=page,
-    arguments=arguments,
-)
+TITLE = "Times of pages to drag loads on"

@@ -21,7 +21,7 @@ from pathlib import Path
 
 import torch
 
-from experiments.benchmarks.benchmark import Benchmark, Results
+from experiments.benchmarks.benchmark import Results
 from experiments.framework.quiet import quiet
 from experiments.framework.report import markdown_table, table_of
 from experiments.framework.timing import Timing, median_seconds
@@ -162,10 +162,4 @@ def arguments(parser: Parser) -> None:
     parser.add_argument("--repeats", type=int, default=200)
 
 
-BENCHMARK = Benchmark(
-    name="prediction",
-    title="Time of one prediction",
-    measure=measure,
-    page=page,
-    arguments=arguments,
-)
+TITLE = "Time of one prediction"

@@ -19,7 +19,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.benchmarks.benchmark import Benchmark, Results
+from experiments.benchmarks.benchmark import Results
 from experiments.benchmarks.page import measure_page
 from experiments.framework.machine import ROOT
 from experiments.framework.report import markdown_table
@@ -247,7 +247,7 @@ def errors_of(found: Results) -> str:
     )
 
 
-def add_arguments(parser: Parser) -> None:
+def arguments(parser: Parser) -> None:
     """Add the options."""
     parser.add_argument("--refine", type=int, default=1, help="divisions of each cell (default 1)")
     parser.add_argument("--samples", type=int, default=60, help="solutions (default 60)")
@@ -263,17 +263,15 @@ def add_arguments(parser: Parser) -> None:
     parser.add_argument("--folder", type=Path, default=folder, help=f"default {folder}")
 
 
-BENCHMARK = Benchmark(
-    name="refined-liver",
-    title="Refined livers: from the case to predictions",
-    measure=measure,
-    page=page,
-    arguments=add_arguments,
-    variant=lambda options: str(options.refine),
-    about=(
-        f"`{CASE}` with all cells divided. Times of the one solution and of predictions are under "
-        f"body forces of ±{LIMIT:g} N/m³, those of single predictions medians over {LOADS} loads. "
-        "Two ranks solve."
-    ),
-    part="{nodes} nodes",
+def variant(options: argparse.Namespace) -> str:
+    """End of the name of the record."""
+    return str(options.refine)
+
+
+TITLE = "Refined livers: from the case to predictions"
+ABOUT = (
+    f"`{CASE}` with all cells divided. Times of the one solution and of predictions are under "
+    f"body forces of ±{LIMIT:g} N/m³, those of single predictions medians over {LOADS} loads. "
+    "Two ranks solve."
 )
+PART = "{nodes} nodes"

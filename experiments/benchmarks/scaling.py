@@ -27,7 +27,7 @@ import yaml
 from numpy.typing import NDArray
 
 from datagen.cases import SHIPPED
-from experiments.benchmarks.benchmark import Benchmark, Results, stored_record
+from experiments.benchmarks.benchmark import Results, stored_record
 from experiments.framework.report import table_of
 from experiments.framework.timing import timed
 from shared_schema.common import Parser, WorkError
@@ -191,10 +191,4 @@ def arguments(parser: Parser) -> None:
         )
 
 
-BENCHMARK = Benchmark(
-    name="scaling",
-    title="Scaling of the farm over ranks",
-    measure=measure,
-    page=page,
-    arguments=arguments,
-)
+TITLE = "Scaling of the farm over ranks"

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import surrogate
-from experiments.benchmarks.benchmark import Benchmark, Results
+from experiments.benchmarks.benchmark import Results
 from experiments.benchmarks.directions import rounded
 from experiments.framework.counted_networks import add_counted_networks, over_networks
 from experiments.framework.report import table_of
@@ -184,10 +184,4 @@ def arguments(parser: Parser) -> None:
     add_counted_networks(parser, NETWORKS, "poses", seed=311)
 
 
-BENCHMARK = Benchmark(
-    name="tools",
-    title="Bodies that a sphere pushes",
-    measure=measure,
-    page=page,
-    arguments=arguments,
-)
+TITLE = "Bodies that a sphere pushes"

@@ -23,7 +23,7 @@ import onnxruntime
 import torch
 from numpy.typing import NDArray
 
-from experiments.benchmarks.benchmark import Benchmark, Results
+from experiments.benchmarks.benchmark import Results
 from experiments.framework.quiet import quiet
 from experiments.framework.report import table_of
 from experiments.measures.latency import Predict, by_onnx, by_pytorch
@@ -153,10 +153,4 @@ def arguments(parser: Parser) -> None:
     parser.add_argument("--repeats", type=int, default=400)
 
 
-BENCHMARK = Benchmark(
-    name="trained",
-    title="Time of one prediction by the trained networks of the package",
-    measure=measure,
-    page=page,
-    arguments=arguments,
-)
+TITLE = "Time of one prediction by the trained networks of the package"

@@ -24,7 +24,7 @@ import torch
 from torch.nn import functional
 from torch.utils.data import DataLoader, TensorDataset
 
-from experiments.benchmarks.benchmark import Benchmark, Results
+from experiments.benchmarks.benchmark import Results
 from experiments.framework.report import table_of
 from experiments.framework.timing import timed
 from experiments.measures.untrained import shipped_unet
@@ -203,10 +203,4 @@ def arguments(parser: Parser) -> None:
     parser.add_argument("--rounds", type=int, default=10)
 
 
-BENCHMARK = Benchmark(
-    name="training",
-    title="Training throughput",
-    measure=measure,
-    page=page,
-    arguments=arguments,
-)
+TITLE = "Training throughput"

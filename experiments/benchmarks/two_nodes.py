@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.benchmarks.benchmark import Benchmark, Results
+from experiments.benchmarks.benchmark import Results
 from experiments.benchmarks.scaling import run_seconds, times_of
 from experiments.framework.report import table_of
 from shared_schema.common import Parser
@@ -85,10 +85,4 @@ def arguments(parser: Parser) -> None:
     parser.add_argument("--rounds", type=int, default=5)
 
 
-BENCHMARK = Benchmark(
-    name="two-nodes",
-    title="Two nodes",
-    measure=measure,
-    page=page,
-    arguments=arguments,
-)
+TITLE = "Two nodes"

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import surrogate
-from experiments.benchmarks.benchmark import Benchmark, Results
+from experiments.benchmarks.benchmark import Results
 from experiments.benchmarks.error_over_time import Way, summary, ways_of_series
 from experiments.framework.report import table_of
 from experiments.framework.timing import timed
@@ -115,11 +115,9 @@ def arguments(parser: Parser) -> None:
     parser.add_argument("--runs", nargs="*", default=[], metavar="RUN", help="trained networks")
 
 
-BENCHMARK = Benchmark(
-    name="whole-dataset",
-    title="All test samples of a dataset",
-    measure=measure,
-    page=page,
-    arguments=arguments,
-    variant=lambda options: str(options.folder.name),
-)
+def variant(options: argparse.Namespace) -> str:
+    """End of the name of the record."""
+    return str(options.folder.name)
+
+
+TITLE = "All test samples of a dataset"
