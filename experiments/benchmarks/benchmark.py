@@ -103,9 +103,11 @@ class Benchmark:
     def of(cls, module: ModuleType) -> Benchmark:
         """Make the benchmark of a module from its functions and its constants in capitals."""
         name = module.__name__.rpartition(".")[2].replace("_", "-")
-        given = {key: getattr(module, key) for key in FUNCTIONS if hasattr(module, key)}
-        texts = {key: getattr(module, key.upper(), "") for key in ("about", "part")}
-        return cls(name, module.TITLE, **given, **texts)
+        given: dict[str, Any] = {
+            **{key: getattr(module, key) for key in FUNCTIONS if hasattr(module, key)},
+            **{key: getattr(module, key.upper(), "") for key in ("about", "part")},
+        }
+        return cls(name, module.TITLE, **given)
 
     def run(self, words: Sequence[str], command: str) -> Path:
         """Measure with some options; write the record and the page, and return the page's path."""

@@ -90,64 +90,57 @@ def percent_cell(ratio: float) -> Cell:
 
 def estimate_table(resources: Resources, found: dict[str, Certified]) -> Table:
     """Table of estimated against true errors."""
-    rows: list[tuple[Cell, ...]] = []
-    for run, one in found.items():
-        measures = one.measures()
-        percentiles = measures["effectivity_percentiles"]
+
+    def milliseconds(one: Certified) -> float:
         force, u, equilibrium = one.force[:20], one.predicted[:20], one.surrogate.body.equilibrium
-        seconds = median_seconds(lambda: certify(equilibrium, force, u), resources.scale.timing)  # noqa: B023
-        rows.append(
-            (
-                label(resources, run),
-                MM * measures["mean_error"],
-                *(percent_cell(percentiles[level]) for level in ("5", "50", "95")),
-                100 * measures["within_0.8_and_1.5"],
-                measures["spearman"],
-                100 * measures["settled"],
-                MS * seconds / len(force),
-            )
-        )
-    return Table(
-        caption="Estimated over true mean error (effectivity) on the test split, their rank "
+        seconds = median_seconds(lambda: certify(equilibrium, force, u), resources.scale.timing)
+        return MS * seconds / len(force)
+
+    things = [(run, one, one.measures()) for run, one in found.items()]
+    return Table.of(
+        "Estimated over true mean error (effectivity) on the test split, their rank "
         "correlation, the share of estimates that settle, and the wall time of a certificate in "
         "batches of 20.",
-        head=(
-            "network",
-            "ē [mm]",
-            "5 %",
-            "median",
-            "95 %",
-            f"within {WITHIN[0]:g} to {WITHIN[1]:g} [%]",
-            "Spearman",
-            "settled [%]",
-            "time [ms]",
-        ),
-        rows=tuple(rows),
+        things,
+        {
+            "network": lambda of: label(resources, of[0]),
+            "ē [mm]": lambda of: MM * of[2]["mean_error"],
+            "5 %": lambda of: percent_cell(of[2]["effectivity_percentiles"]["5"]),
+            "median": lambda of: percent_cell(of[2]["effectivity_percentiles"]["50"]),
+            "95 %": lambda of: percent_cell(of[2]["effectivity_percentiles"]["95"]),
+            f"within {WITHIN[0]:g} to {WITHIN[1]:g} [%]": lambda of: (
+                100 * of[2]["within_0.8_and_1.5"]
+            ),
+            "Spearman": lambda of: of[2]["spearman"],
+            "settled [%]": lambda of: 100 * of[2]["settled"],
+            "time [ms]": lambda of: milliseconds(of[1]),
+        },
     )
 
 
 def correction_table(resources: Resources, found: dict[str, Certified]) -> Table:
     """Table of the errors before and after corrections."""
-    rows: list[tuple[Cell, ...]] = []
-    for run, one in found.items():
-        measures = one.measures()
-        before, once = measures["median_error_before"], measures["median_error_without_estimate"]
-        twice, raised = measures["median_error_after_two"], measures["raised"]
-        rows.append(
-            (label(resources, run), MM * before, MM * once, MM * twice, before / once, raised)
-        )
-    return Table(
-        caption="Median error in mm of the predictions, and after their estimated error is "
+    things = [(label(resources, run), one.measures()) for run, one in found.items()]
+    before, once = "median_error_before", "median_error_without_estimate"
+    return Table.of(
+        "Median error in mm of the predictions, and after their estimated error is "
         "subtracted once and twice; how many times smaller it is after one correction, and how "
         "many loads have a larger error then.",
-        head=("network", "before", "once", "twice", "ratio", "raised"),
-        rows=tuple(rows),
+        things,
+        {
+            "network": lambda of: of[0],
+            "before": lambda of: MM * of[1][before],
+            "once": lambda of: MM * of[1][once],
+            "twice": lambda of: MM * of[1]["median_error_after_two"],
+            "ratio": lambda of: of[1][before] / of[1][once],
+            "raised": lambda of: of[1]["raised"],
+        },
     )
 
 
 def fast_table(resources: Resources, found: dict[str, Certified]) -> Table:
     """Table of fast certificates: coverage, width and time."""
-    rows: list[tuple[Cell, ...]] = []
+    things = []
     for run, one in found.items():
         if one.surrogate.is_stochastic:
             continue
@@ -157,35 +150,23 @@ def fast_table(resources: Resources, found: dict[str, Certified]) -> Table:
             continue
         measures = fast_measures(fast, one, one.truth, resources.scale.timing)
         bounds = {entry["level"]: entry for entry in measures["test_split"]["mean"]}
-        if len(bounds) < 2:
-            continue
-        rows.append(
-            (
-                label(resources, run),
-                measures["test_split"]["samples"],
-                100 * bounds[0.9]["coverage"],
-                100 * bounds[0.95]["coverage"],
-                bounds[0.9]["median_width"],
-                bounds[0.95]["median_width"],
-                measures["spearman"],
-                measures["median_milliseconds"],
-            )
-        )
-    return Table(
-        caption="Fast certificates: held-out samples of the calibration, coverage of the bounds of "
+        if len(bounds) > 1:
+            things.append((label(resources, run), measures, bounds[0.9], bounds[0.95]))
+    return Table.of(
+        "Fast certificates: held-out samples of the calibration, coverage of the bounds of "
         "90 and 95 % on the test split, their median ratio to the true error, rank correlation of "
         "estimated and true errors, and the wall time for a single load.",
-        head=(
-            "network",
-            "held out",
-            "90 % covers [%]",
-            "95 % covers [%]",
-            "90 % width",
-            "95 % width",
-            "Spearman",
-            "time [ms]",
-        ),
-        rows=tuple(rows),
+        things,
+        {
+            "network": lambda of: of[0],
+            "held out": lambda of: of[1]["test_split"]["samples"],
+            "90 % covers [%]": lambda of: 100 * of[2]["coverage"],
+            "95 % covers [%]": lambda of: 100 * of[3]["coverage"],
+            "90 % width": lambda of: of[2]["median_width"],
+            "95 % width": lambda of: of[3]["median_width"],
+            "Spearman": lambda of: of[1]["spearman"],
+            "time [ms]": lambda of: of[1]["median_milliseconds"],
+        },
     )
 
 

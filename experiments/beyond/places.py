@@ -16,7 +16,7 @@ from experiments.beyond.networks import (
     stem_of,
 )
 from experiments.framework.experiment import Experiment, Findings
-from experiments.framework.record import Cell, Table
+from experiments.framework.record import Table
 from experiments.framework.resources import Resources
 from experiments.measures.errors_on_test_split import MM
 from experiments.measures.predicted_samples import (
@@ -98,24 +98,22 @@ def curve(
 
 def place_table(body: str, samples: dict[str, PredictedSamples]) -> Table:
     """Table of the errors over the places."""
-    rows: list[tuple[Cell, ...]] = []
-    for run, found in samples.items():
-        errors = MM * by_node(found, found.error)
-        ends = (np.nanmean, np.nanmedian, np.nanmin, np.nanmax)
-        worst = 100 * float(np.nanmax(relative_by_node(found)))
-        rows.append((label_of(run), *(float(end(errors)) for end in ends), worst))
-    return Table(
-        caption=f"{body}: mean error under single random loads on a node, over all nodes; in the "
+    things = [
+        (label_of(run), MM * by_node(found, found.error), relative_by_node(found))
+        for run, found in samples.items()
+    ]
+    return Table.of(
+        f"{body}: mean error under single random loads on a node, over all nodes; in the "
         "last column over the mean displacement under loads on the same node.",
-        head=(
-            "network",
-            "mean [mm]",
-            "median node [mm]",
-            "best node [mm]",
-            "worst node [mm]",
-            "worst node, relative [%]",
-        ),
-        rows=tuple(rows),
+        things,
+        {
+            "network": lambda of: of[0],
+            "mean [mm]": lambda of: float(np.nanmean(of[1])),
+            "median node [mm]": lambda of: float(np.nanmedian(of[1])),
+            "best node [mm]": lambda of: float(np.nanmin(of[1])),
+            "worst node [mm]": lambda of: float(np.nanmax(of[1])),
+            "worst node, relative [%]": lambda of: 100 * float(np.nanmax(of[2])),
+        },
     )
 
 

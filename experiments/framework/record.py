@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal, TypeVar, get_args
 
 import numpy as np
 from pydantic import Field, field_validator
@@ -17,6 +17,7 @@ Verdict = Literal["better", "reproduced", "differs"]
 MARGIN = 1.5  # the factor within which a number counts as the paper's
 LARGE = 999.5  # smallest number that is written without decimals
 Cell = str | float | int | None
+Thing = TypeVar("Thing")
 
 
 class DatasetRecord(Frozen):
@@ -124,6 +125,14 @@ class Table(Frozen):
     caption: str
     head: tuple[str, ...]
     rows: tuple[tuple[Cell, ...], ...]
+
+    @classmethod
+    def of(
+        cls, caption: str, things: Iterable[Thing], columns: Mapping[str, Callable[[Thing], Cell]]
+    ) -> Table:
+        """Make a table of a row for each thing, its cells by the functions of the columns."""
+        rows = tuple(tuple(cell(thing) for cell in columns.values()) for thing in things)
+        return cls(caption=caption, head=tuple(columns), rows=rows)
 
 
 class RecordedFindings(Frozen):

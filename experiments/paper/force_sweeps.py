@@ -82,32 +82,20 @@ def ends(sweep: ForceSweep) -> list[int]:
 
 def sweep_table(vb: ForceSweep, d: ForceSweep) -> Table:
     """Table of errors and standard deviation at the ends of the training range and beyond."""
-    rows = tuple(
-        (
-            float(vb.force[i]),
-            float(vb.moved[i]),
-            MM * float(d.node_error[i]),
-            MM * float(vb.node_error[i]),
-            MM * abs(float(vb.error[i])),
-            MM * float(vb.std[i]),
-            100 * float(vb.covered_components[i]),
-        )
-        for i in ends(vb)
-    )
-    return Table(
-        caption=f"Forces along {'xyz'[vb.axis]}: displacement u of the loaded node, error of the "
+    return Table.of(
+        f"Forces along {'xyz'[vb.axis]}: displacement u of the loaded node, error of the "
         "prediction U there, and error and standard deviation of the component along the force; "
         "the last column counts the components of all free nodes.",
-        head=(
-            "force [N]",
-            "‖u‖₂ [m]",
-            "‖U − u‖₂ (D) [mm]",
-            "‖U − u‖₂ (VB) [mm]",
-            "error along the force (VB) [mm]",
-            "σ along the force (VB) [mm]",
-            "inside the 95 % band (VB) [%]",
-        ),
-        rows=rows,
+        ends(vb),
+        {
+            "force [N]": lambda i: float(vb.force[i]),
+            "‖u‖₂ [m]": lambda i: float(vb.moved[i]),
+            "‖U − u‖₂ (D) [mm]": lambda i: MM * float(d.node_error[i]),
+            "‖U − u‖₂ (VB) [mm]": lambda i: MM * float(vb.node_error[i]),
+            "error along the force (VB) [mm]": lambda i: MM * abs(float(vb.error[i])),
+            "σ along the force (VB) [mm]": lambda i: MM * float(vb.std[i]),
+            "inside the 95 % band (VB) [%]": lambda i: 100 * float(vb.covered_components[i]),
+        },
     )
 
 

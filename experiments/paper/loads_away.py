@@ -82,25 +82,21 @@ def measure(resources: Resources) -> Findings:
 
 def errors_table(d: ErrorsByLoadDistance, vb: ErrorsByLoadDistance, load: str) -> Table:
     """Table of the errors of both networks under each load, which `load` describes."""
-    errors = (d.mean_error, d.max_error, vb.mean_error, vb.max_error, vb.error, vb.std)
-    columns = (d.distance, d.moved, *(MM * values for values in errors))
-    rows = [
-        (number, *map(float, row)) for number, row in enumerate(np.stack(columns, axis=1), start=1)
-    ]
+    columns = {
+        "from the training line [m]": d.distance,
+        "‖u‖₂ [m]": d.moved,
+        "mean error (D) [mm]": MM * d.mean_error,
+        "maximum (D) [mm]": MM * d.max_error,
+        "mean error (VB) [mm]": MM * vb.mean_error,
+        "maximum (VB) [mm]": MM * vb.max_error,
+        "‖U − u‖₂ (VB) [mm]": MM * vb.error,
+        "‖σ‖₂ (VB) [mm]": MM * vb.std,
+    }
+    rows = np.stack(list(columns.values()), axis=1).tolist()
     return Table(
         caption=f"Errors under {load} on each node of the free edge; ‖·‖₂ at the loaded node.",
-        head=(
-            "loaded node",
-            "from the training line [m]",
-            "‖u‖₂ [m]",
-            "mean error (D) [mm]",
-            "maximum (D) [mm]",
-            "mean error (VB) [mm]",
-            "maximum (VB) [mm]",
-            "‖U − u‖₂ (VB) [mm]",
-            "‖σ‖₂ (VB) [mm]",
-        ),
-        rows=tuple(rows),
+        head=("loaded node", *columns),
+        rows=tuple((number, *row) for number, row in enumerate(rows, start=1)),
     )
 
 
