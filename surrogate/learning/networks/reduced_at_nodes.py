@@ -95,17 +95,7 @@ class ReducedAtNodes:
         """Return u₁ in m, (N, n_nodes · d), of forces in N."""
         if self.compliance is not None:
             return self.compliance.respond(force).reshape(len(force), -1)
-        flat = force.reshape(len(force), -1)
-        found, left = np.empty_like(flat), []
-        for number, load in enumerate(flat):
-            answer = self.kept.answer(load)
-            if answer is None:
-                left.append(number)
-            else:
-                found[number] = answer
-        if left:
-            found[left] = self._responses(flat[left])
-        return found
+        return self.kept.answers(force.reshape(len(force), -1))
 
     @torch.inference_mode()
     def _responses(self, forces: NDArray[Any]) -> NDArray[np.float32]:

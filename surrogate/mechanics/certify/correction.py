@@ -32,6 +32,7 @@ nothing, in steps that are halved where no stable equilibrium is found, as `data
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import dataclass, replace
 
@@ -116,31 +117,28 @@ def correct(
     """
     f, u = equilibrium.posed(forces[None], predicted[None])
     with closing(LoadProgress("surrogate: correction", equilibrium.units.force)) as progress:
-        found = _corrected(equilibrium, f, u, tolerance, progress)
+        found = _of_hidden_load(equilibrium, f)
+        if found is None:
+            start, u = safest_start(equilibrium, f, u)
+            try:
+                found = stable_state(equilibrium, f, u, start, tolerance, progress)
+            except WorkError:
+                if equilibrium.pressure is None:
+                    raise
+                found = increased(equilibrium, f, tolerance, progress)
     return replace(found, displacement=found.displacement[: equilibrium.nodes])
 
 
-def _corrected(
-    equilibrium: Equilibrium,
-    f: Array,
-    predicted: Array,
-    tolerance: ForceTolerance | float,
-    progress: LoadProgress,
-) -> Correction:
-    """Correct at all points of the elements, f and the prediction (1, n_nodes, d)."""
+def _of_hidden_load(equilibrium: Equilibrium, f: Array) -> Correction | None:
+    """Step from the undeformed body under a load that rounding errors of r hide; None otherwise."""
     load = equilibrium.at_rest(f)
-    if 0 < LOOSEST * np.linalg.norm(load) < equilibrium.round_off.at_rest:  # Π may not feel it
-        u = equilibrium.linear_response(load)
-        residual = float(np.linalg.norm(equilibrium.out_of_balance(u, f)))
-        if residual <= equilibrium.round_off.floor(float(np.linalg.norm(u))):
-            return Correction(u[0], "undeformed body", 1, residual, units=equilibrium.units)
-    start, u = safest_start(equilibrium, f, predicted)
-    try:
-        return stable_state(equilibrium, f, u, start, tolerance, progress)
-    except WorkError:
-        if equilibrium.pressure is None:
-            raise
-    return increased(equilibrium, f, tolerance, progress)
+    if not 0 < LOOSEST * np.linalg.norm(load) < equilibrium.round_off.at_rest:
+        return None  # Π feels it
+    u = equilibrium.linear_response(load)
+    residual = float(np.linalg.norm(equilibrium.out_of_balance(u, f)))
+    if residual > equilibrium.round_off.floor(float(np.linalg.norm(u))):
+        return None
+    return Correction(u[0], "undeformed body", 1, residual, units=equilibrium.units)
 
 
 def stable_state(
@@ -252,14 +250,8 @@ def searched(
 
     All arrays are (1, n_nodes, d).
     """
-    potential, slope = equilibrium.potential(u, f), float((r * step).sum())
-    for halving in range(HALVINGS):
-        part = 0.5**halving
-        trial = u + part * step
-        change = equilibrium.potential(trial, f) - potential
-        if change > equilibrium.rounding:
-            continue
-        new = equilibrium.out_of_balance(trial, f)
+    slope = float((r * step).sum())
+    for part, trial, change, new in _lower_states(equilibrium, f, u, step):
         decreases = change <= SUFFICIENT * part * slope
         if decreases or float((new * step).sum()) <= (2 * SUFFICIENT - 1) * slope:
             return trial, new
@@ -270,17 +262,24 @@ def _beside(
     equilibrium: Equilibrium, f: Array, u: Array, mode: Array
 ) -> tuple[Array, Array] | None:
     """Step from an unstable equilibrium along its lowest mode: as `searched`."""
-    potential = equilibrium.potential(u, f)
     largest = AMPLITUDE * equilibrium.cell_size / np.abs(mode).max()
-    for halving in range(HALVINGS):
-        trial = u + 0.5**halving * largest * mode
-        change = equilibrium.potential(trial, f) - potential
-        if change > equilibrium.rounding:
-            continue
-        new = equilibrium.out_of_balance(trial, f)
+    for _, trial, change, new in _lower_states(equilibrium, f, u, largest * mode):
         if change < -equilibrium.rounding or float((new * mode).sum()) < 0.0:
             return trial, new
     return None
+
+
+def _lower_states(
+    equilibrium: Equilibrium, f: Array, u: Array, step: Array
+) -> Iterator[tuple[float, Array, float, Array]]:
+    """Yield α, u + α δ, the change of Π, and r there, of all α = 1, 1/2, … without a higher Π."""
+    potential = equilibrium.potential(u, f)
+    for halving in range(HALVINGS):
+        part = 0.5**halving
+        trial = u + part * step
+        change = float((equilibrium.potential(trial, f) - potential)[0])
+        if not change > equilibrium.rounding:
+            yield part, trial, change, equilibrium.out_of_balance(trial, f)
 
 
 def safest_start(equilibrium: Equilibrium, f: Array, predicted: Array) -> tuple[str, Array]:
@@ -299,8 +298,11 @@ def safest_start(equilibrium: Equilibrium, f: Array, predicted: Array) -> tuple[
     if np.isfinite(held).all() and not equilibrium.inverted(held).any():
         held = equilibrium.relaxed(held, f)
     if equilibrium.pressure is not None:
-        distance, farthest = equilibrium.distance(held, f), np.linalg.norm(linear)
-        return ("prediction", held) if distance <= farthest else ("undeformed body", 0 * f)
+        if np.isfinite(held).all() and not equilibrium.inverted(held)[0]:
+            step, _ = equilibrium.newton_step(held, equilibrium.out_of_balance(held, f))
+            if np.linalg.norm(step) <= np.linalg.norm(linear):
+                return "prediction", held
+        return "undeformed body", 0 * f
     while equilibrium.inverted(linear).any():
         linear = linear / 2
     linear = equilibrium.relaxed(linear, f)

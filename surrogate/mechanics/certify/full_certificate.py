@@ -23,8 +23,7 @@ nodes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from dataclasses import fields as fields_of
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -129,87 +128,63 @@ class Certificate:
         return f"{count}; number {refused[0]}: {reason}"
 
 
-def certify(equilibrium: Equilibrium, forces: Array, predicted: Array) -> Certificate:
+def certify(
+    equilibrium: Equilibrium,
+    forces: Array,
+    predicted: Array,
+    pressure: FollowerPressure | None = None,
+) -> Certificate:
     """Estimate the errors of predictions.
 
     Parameters
     ----------
     equilibrium : Equilibrium
     forces, predicted : array, (n_nodes, d) or (N, n_nodes, d)
-        Loads in N, those between the nodes after the nodal ones, and predicted displacements in m.
-        What is predicted for clamped nodes is wholly an error.
+        Dead loads in N, those between the nodes after the nodal ones, and predicted displacements
+        in m. What is predicted for clamped nodes is wholly an error.
+    pressure : FollowerPressure, optional
+        Pressures of every load case.
     """
-    shape = predicted.shape
-    u = predicted.reshape(-1, *shape[-2:])
-    f, held = equilibrium.posed(forces.reshape(-1, *forces.shape[-2:]), u)
+    f, u = (fields.reshape(-1, *fields.shape[-2:]) for fields in (forces, predicted))
+    together = [(equilibrium, slice(None))]
+    if pressure is not None:
+        rows = [slice(row, row + 1) for row in range(max(1, len(u)))]
+        together = [(equilibrium.under(pressure[row]), row) for row in rows]
+    parts = zip(*(_certified(body, f[row], u[row]) for body, row in together), strict=True)
+    shape = predicted.shape[:-2]
+    arrays: Any = (np.concatenate(part) for part in parts)
+    return Certificate(
+        *(array.reshape(*shape, *array.shape[1:]) for array in arrays), units=equilibrium.units
+    )
+
+
+def _certified(equilibrium: Equilibrium, load: Array, u: Array) -> tuple[NDArray[Any], ...]:
+    """Arrays of the certificates of N predictions."""
+    f, held = equilibrium.posed(load, u)
     inverted = equilibrium.inverted(held)
-    r = equilibrium.out_of_balance(held, f)
-    residual = np.where(inverted == 0, norms(r), np.inf)
+    residual = np.where(inverted == 0, norms(equilibrium.out_of_balance(held, f)), np.inf)
     sound = np.flatnonzero(np.isfinite(residual))
     truth, settled = np.zeros(held.shape), np.zeros(len(u), dtype=bool)
     truth[sound], settled[sound] = _settled(equilibrium, f[sound], held[sound])
     truth, error = truth[:, : equilibrium.nodes], np.full(u.shape, np.inf)
     error[sound] = u[sound] - truth[sound]
-    load = norms(equilibrium.at_rest(f) * equilibrium.free)
-    return Certificate(
-        out_of_balance=_ratio(residual, load).reshape(shape[:-2]),
-        error=error.reshape(shape),
-        relative_error=_ratio(norms(error), norms(truth)).reshape(shape[:-2]),
-        inverted=inverted.reshape(shape[:-2]),
-        settled=settled.reshape(shape[:-2]),
-        units=equilibrium.units,
-    )
-
-
-def certify_each(
-    equilibrium: Equilibrium, pressure: FollowerPressure, forces: Array, predicted: Array
-) -> Certificate:
-    """Estimate the errors of predictions under pressures that follow the surface.
-
-    Parameters
-    ----------
-    equilibrium : Equilibrium
-        Of the body under dead forces.
-    pressure : FollowerPressure
-        Pressures of every load case.
-    forces, predicted : array, (n_nodes, d) or (N, n_nodes, d)
-        Dead loads in N, and predicted displacements in m, as those of `certify`.
-    """
-    f, u = (fields.reshape(-1, *fields.shape[-2:]) for fields in (forces, predicted))
-    each = [
-        certify(equilibrium.under(pressure[one]), f[one], u[one])
-        for one in (slice(row, row + 1) for row in range(len(u)))
-    ]
-    shape = predicted.shape[:-2]
-    joined = {
-        field.name: np.concatenate([getattr(found, field.name) for found in each])
-        for field in fields_of(Certificate)
-        if field.name != "units"
-    }
-    arrays: dict[str, Any] = {
-        name: values.reshape((*shape, *values.shape[1:])) for name, values in joined.items()
-    }
-    return replace(each[0], **arrays)
+    out = _ratio(residual, norms(equilibrium.at_rest(f) * equilibrium.free))
+    return out, error, _ratio(norms(error), norms(truth)), inverted, settled
 
 
 def _settled(equilibrium: Equilibrium, f: Array, u: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Step from predictions until Newton's method contracts: the estimates of the truth."""
-    truth, settled, going = (
-        equilibrium.relaxed(u, f),
-        np.zeros(len(u), dtype=bool),
-        np.arange(len(u)),
-    )
-    improved = equilibrium.mean_dilation
+    truth, going = equilibrium.relaxed(u, f), np.arange(len(u))
+    settled, improved = np.zeros(len(u), dtype=bool), equilibrium.mean_dilation
     for _ in range(ROUNDS):
         found = equilibrium.newton_steps(truth[going], f[going])
         # Improved states must be closer: their first step counts as the last part, not the second.
         last = norms(found.steps if improved else found.simplified)
         error = norms(u[going] - truth[going] - found.steps)
         small = found.contract(error) & (last <= LAST_PART * error)
-        size = norms(truth[going])
-        residual = norms(equilibrium.out_of_balance(truth[going], f[going]))
+        size, residual = norms(truth[going]), equilibrium.out_of_balance(truth[going], f[going])
         rounding = equilibrium.round_off
-        hidden = residual <= rounding.at_rest + rounding.per_displacement * size
+        hidden = norms(residual) <= rounding.at_rest + rounding.per_displacement * size
         contracts = found.stable & (small | hidden | (last <= NEGLIGIBLE * size))
         truth[going[contracts]] += (found.steps + found.simplified)[contracts]
         settled[going[contracts]] = True

@@ -41,10 +41,11 @@ from surrogate.mechanics.compiled.fields import Array as Values
 from surrogate.mechanics.compiled.fields import compiled
 from surrogate.mechanics.compiled.loops import add_forces_of, slopes_at
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
-from surrogate.mechanics.matrices.factors import in_single_precision
+from surrogate.mechanics.matrices.factors import SymmetricFactor, in_single_precision
 from surrogate.mechanics.matrices.layout import Layout
 
 Array = NDArray[np.float64]
+Numbers = NDArray[np.int64]
 LARGE = 2000  # degrees of freedom from which on single precision saves time
 
 
@@ -58,33 +59,22 @@ class CarriedCompliance:
     """
 
     def __init__(self, equilibrium: Equilibrium) -> None:
-        self._equilibrium, solid, layout = equilibrium, equilibrium.solid, equilibrium.layout
-        large = len(layout.dofs) > LARGE
+        self._equilibrium, solid = equilibrium, equilibrium.solid
+        large = len(equilibrium.layout.dofs) > LARGE
         gradients, volumes = solid.gradients.numpy(), solid.volumes.numpy()
-        moduli = [material.lame_mu for material in solid.materials]
-        parts = equilibrium.geometry.parts if len(moduli) > 1 else None
-        of_cells = np.array(moduli)[np.zeros(len(volumes), dtype=int) if parts is None else parts]
-        weights = volumes * of_cells[:, None]
-        metric = np.einsum("cq,cqaj,cqbj->cab", weights, gradients, gradients)
+        metric, weights = laplacians_of_cells(equilibrium), solid.moduli_of_cells().numpy()
         self._metric: Values = metric.astype(np.float32 if large else np.float64)
         cells = solid.compiled.cells
-        self._weighted = cells._replace(volumes=cells.of_points(weights))
+        self._weighted = cells._replace(volumes=cells.of_points(volumes * weights[:, None]))
         whole = volumes.sum(axis=1, keepdims=True)
         means = np.einsum("cq,cqaj->caj", volumes / whole, gradients)[:, :, None]
         ones = np.ones_like(whole), 1.0
         self._means = Cells.of(solid.cells.numpy(), means.astype(self._metric.dtype), *ones)
         self._summed = laplacians_of_turned(gradients.shape[3], gradients.shape[2])
-        mesh, self._laplacians = (equilibrium.geometry.coordinates, equilibrium.geometry.cells), []
-        alike, number = np.unique(equilibrium.free, axis=1, return_inverse=True)
-        for kind, free in enumerate(alike.T):
-            scalar = Layout.of(*mesh, ~free[:, None])
-            found = scalar.factor(scalar.assembled(torch.from_numpy(metric[None]))[0])
-            assert found is not None  # a component that is free everywhere makes K(0) singular
-            components = np.flatnonzero(number.ravel() == kind)
-            places = scalar.dofs[:, None], components
-            self._laplacians.append(
-                (places, in_single_precision(found, len(scalar.dofs)) if large else found)
-            )
+        self._laplacians = [
+            ((dofs[:, None], which), in_single_precision(factor, len(dofs)) if large else factor)
+            for dofs, which, factor in laplacians(equilibrium, metric)
+        ]
 
     def at(self, u: Array) -> Callable[[Array], Array]:
         """P of a state (n_points, d) in m: forces in N to displacements in m, (n_points, d)."""
@@ -145,6 +135,30 @@ class CarriedCompliance:
             solved = factor.solve(columns.reshape(len(columns), -1))
             found[places] = solved.reshape(columns.shape)
         return found
+
+
+def laplacians_of_cells(equilibrium: Equilibrium) -> Array:
+    """K of every cell, (n_cells, n_corners, n_corners)."""
+    solid = equilibrium.solid
+    weights, gradients = solid.moduli_of_cells()[:, None] * solid.volumes, solid.gradients
+    return torch.einsum("cq,cqaj,cqbj->cab", weights, gradients, gradients).numpy()
+
+
+def laplacians(
+    equilibrium: Equilibrium, of_cells: Array
+) -> list[tuple[Numbers, Numbers, SymmetricFactor]]:
+    """Points in the order of L, the components that are free at these alone, and the factor of L.
+
+    One entry for each kind of components.
+    """
+    geometry, found = equilibrium.geometry, []
+    alike, number = np.unique(equilibrium.free, axis=1, return_inverse=True)
+    for kind, free in enumerate(alike.T):
+        layout = Layout.of(geometry.coordinates, geometry.cells, ~free[:, None])
+        factor = layout.factor(layout.assembled(torch.from_numpy(of_cells[None]))[0])
+        assert factor is not None  # a component that is free everywhere makes K(0) singular
+        found.append((layout.dofs, np.flatnonzero(number.ravel() == kind), factor))
+    return found
 
 
 @cache

@@ -16,15 +16,18 @@ and every material are treated alike.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.linalg import norm
 from numpy.typing import NDArray
+from torch import Tensor
 
 from surrogate.mechanics.descent.driven_body import DrivenBody, State
 
 Array = NDArray[np.float64]
+Field = TypeVar("Field", Array, Tensor)
 PAIRS = 8  # of steps and changes of r that are kept
 SHORTENINGS = 12  # of a step
 GROWN = 5.0  # of the forces out of balance: most that is left by a step
@@ -58,7 +61,7 @@ class Directions:
     def direction(self, state: State) -> Array:
         """The direction d = −H r, (n_points, d) in m, along which r does negative work."""
         carried = self.body.compliance.at(state.u)
-        d = self._recursion(carried, state.r)
+        d = -two_loops(self._pairs, state.r, carried, np.vdot)
         if self._pairs and not float(np.vdot(d, state.r)) < 0:
             self._pairs.clear()
             d = -carried(state.r)
@@ -90,15 +93,32 @@ class Directions:
     def _remember(self, s: Array, y: Array) -> None:
         work = float(np.vdot(s, y))
         if work > CURVED * float(np.linalg.norm(s)) * float(np.linalg.norm(y)):
-            self._pairs.append((s, y, work))
+            self._pairs.append((s, y, 1 / work))
 
-    def _recursion(self, carried: Callable[[Array], Array], r: Array) -> Array:
-        """−H r by the two loops of L-BFGS."""
-        q, shares = r, []
-        for s, y, work in reversed(self._pairs):
-            shares.append(float(np.vdot(s, q)) / work)
-            q = q - shares[-1] * y
-        found = carried(q)
-        for (s, y, work), share in zip(self._pairs, reversed(shares), strict=True):
-            found = found + (share - float(np.vdot(y, found)) / work) * s
-        return -found
+
+def two_loops(
+    pairs: Sequence[tuple[Field, Field, Any]],
+    r: Field,
+    carried: Callable[[Field], Field],
+    dot: Callable[[Field, Field], Any],
+) -> Field:
+    """H r by the two loops of L-BFGS.
+
+    Parameters
+    ----------
+    pairs : sequence of (s, y, 1 / s · y)
+        Steps and changes of r, the oldest first.
+    r : array or Tensor
+    carried : callable
+        P.
+    dot : callable
+        Product of two fields, of the kind of 1 / s · y.
+    """
+    q, shares = r, []
+    for s, y, inverse in reversed(pairs):
+        shares.append(dot(s, q) * inverse)
+        q = q - shares[-1] * y
+    found = carried(q)
+    for (s, y, inverse), share in zip(pairs, reversed(shares), strict=True):
+        found = found + (share - dot(y, found) * inverse) * s
+    return found

@@ -16,7 +16,6 @@ from surrogate.mechanics.compiled.solid import CompiledSolid
 from surrogate.mechanics.descent.carried_compliance import CarriedCompliance
 from surrogate.mechanics.descent.soft_modes import Softening, least_eigenvalue, soft_modes
 from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
-from surrogate.mechanics.equilibrium.newton_steps import NewtonSteps
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 
 Array = NDArray[np.float64]
@@ -95,15 +94,6 @@ class DrivenBody:
         external = self.equilibrium.external(u[None], force[None])[0]
         r = (self.solid.forces(piola) - external) * self.equilibrium.free
         return State(u, r, at_points.f, piola) if np.isfinite(r).all() else None
-
-    def newton_steps(self, state: State, force: Array) -> NewtonSteps:
-        """Steps from a state under dead forces in N, (n_points, d), with the factors of K(u)."""
-
-        def residual(u: Array, force: Array) -> Array:
-            found = self.state(u[0], force[0])
-            return np.full(u.shape, np.nan) if found is None else found.r[None]
-
-        return self.equilibrium.newton_steps(state.u[None], force[None], residual)
 
     def is_dead(self) -> bool:
         """Whether the forces of loads do not follow it, nor points between its nodes."""

@@ -12,17 +12,26 @@ file has no loops that end early, so that
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import torch
 from torch import Tensor, nn
 
 from shared_schema.common.errors import InputError
+from surrogate.mechanics.descent.carried_compliance import laplacians, laplacians_of_cells
 from surrogate.mechanics.descent.descent import MOST
-from surrogate.mechanics.descent.directions import CURVED, GROWN, LEAST, PAIRS, TURNED
+from surrogate.mechanics.descent.directions import (
+    CURVED,
+    GROWN,
+    LEAST,
+    PAIRS,
+    TURNED,
+    two_loops,
+)
 from surrogate.mechanics.equilibrium.compliance import DENSE
 from surrogate.mechanics.equilibrium.linear_response import LinearResponse
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
-from surrogate.mechanics.matrices.layout import Layout
 from surrogate.mechanics.solids.changes import Stresses
 from surrogate.mechanics.solids.deformation import determinant, product
 from surrogate.mechanics.solids.solid import Solid
@@ -111,18 +120,12 @@ class FixedDirections(nn.Module):
         """A step, the change of r, and one over its work; 0 if the work is too small."""
         work = dot(s, y)
         kept = work > CURVED * (dot(s, s) * dot(y, y)).sqrt()
-        return s, y, torch.where(kept, 1 / work, 0.0)
+        return s, y, torch.where(kept, 1 / work, 0.0)[:, None, None]
 
     def _recursion(self, h: Tensor, r: Tensor, pairs: list[Pair]) -> Tensor:
         """H r by the two loops of L-BFGS."""
-        q, shares = r, []
-        for s, y, inverse in reversed(pairs):
-            shares.append((dot(s, q) * inverse)[:, None, None])
-            q = q - shares[-1] * y
-        found = self._carried(self._mean_deformation(h), q)
-        for (s, y, inverse), share in zip(pairs, reversed(shares), strict=True):
-            found = found + (share - (dot(y, found) * inverse)[:, None, None]) * s
-        return found
+        carried = partial(self._carried, self._mean_deformation(h))
+        return two_loops(pairs, r, carried, lambda a, b: dot(a, b)[:, None, None])
 
     def _carried(self, f: Tensor, r: Tensor) -> Tensor:
         """T K(0)⁻¹ Tᵀ r."""
@@ -174,19 +177,14 @@ def require_exportable(equilibrium: Equilibrium, count: int) -> None:
 
 def inverse_laplacians(equilibrium: Equilibrium) -> np.ndarray:
     """L⁻¹ of every component, (d, n_nodes, n_nodes), 0 where it is held; one if all are alike."""
-    geometry, solid = equilibrium.geometry, equilibrium.solid
-    weights, gradients = solid.moduli_of_cells()[:, None] * solid.volumes, solid.gradients
-    metric = torch.einsum("cq,cqaj,cqbj->cab", weights, gradients, gradients)
-    alike, found = np.unique(equilibrium.free, axis=1), []
-    for free in (equilibrium.free if alike.shape[1] > 1 else alike).T:
-        layout = Layout.of(geometry.coordinates, geometry.cells, ~free[:, None])
-        factor = layout.factor(layout.assembled(metric[None])[0])
-        assert factor is not None  # a component that is free everywhere makes K(0) singular
-        inverse = np.zeros((len(free), len(free)))
-        unit = np.eye(len(layout.dofs))
-        inverse[np.ix_(layout.dofs, layout.dofs)] = factor.solve(unit)
-        found.append(inverse)
-    return np.stack(found)
+    factors = laplacians(equilibrium, laplacians_of_cells(equilibrium))
+    nodes, d = equilibrium.free.shape
+    inverse = np.zeros((1 if len(factors) == 1 else d, nodes, nodes))
+    for dofs, components, factor in factors:
+        found = factor.solve(np.eye(len(dofs)))
+        for component in components[: len(inverse)]:
+            inverse[component][np.ix_(dofs, dofs)] = found
+    return inverse
 
 
 def dot(a: Tensor, b: Tensor) -> Tensor:

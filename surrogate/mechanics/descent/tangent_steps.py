@@ -64,9 +64,10 @@ def settle(directions: Directions, state: State, aim: Aim, has_time: Callable[[]
     has_time : callable
         Whether the budget allows another step.
     """
-    body, f, nodes = directions.body, directions.force, directions.body.equilibrium.nodes
+    body, f, equilibrium = directions.body, directions.force, directions.body.equilibrium
+    nodes = equilibrium.nodes
     for count in range(1, MOST + 1):
-        found = body.newton_steps(state, f)
+        found = equilibrium.newton_steps(state.u[None], f[None])
         step, size = found.steps[0], longest(state.u[:nodes])
         allowed, balanced = aim.allowed(size), body.is_balanced(state, f)
         is_small = balanced or longest(step[:nodes]) <= MARGIN * allowed

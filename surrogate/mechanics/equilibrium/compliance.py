@@ -33,7 +33,6 @@ BY_MATRIX = 1000  # degrees of freedom up to which a CPU responds by K⁻¹
 LEAST_BLOCK = 1024  # rows of a block on a GPU: products of smaller ones are launches
 ROOM = 0.7  # of the memory of a GPU that is free: most that the blocks may take
 FEW = 16  # samples whose loads are answered by columns that are not there yet
-Single = NDArray[np.float32]
 
 
 class Compliance(nn.Module):
@@ -124,26 +123,14 @@ class Compliance(nn.Module):
         """
         free = self.equilibrium.free
         flat = (force * free).reshape(len(force), free.size)
-        found = self._summed(flat, new) if force.dtype == np.float32 else self._solved(flat)
+        is_single = force.dtype == np.float32
+        found = self.kept.answers(flat, new) if is_single else self._solved(flat)
         return found.reshape(force.shape)
 
     def solve(self, force: NDArray[Any]) -> NDArray[Any]:
         """Solve with the factor, in the precision of the forces: (N, n_points · d) → same."""
         shape = len(force), *self.equilibrium.free.shape
         return self.equilibrium.linear_response(force.reshape(shape)).reshape(force.shape)
-
-    def _summed(self, force: Single, new: bool) -> Single:
-        """Respond by sums of what is kept, new columns among it if they may be, or by solves."""
-        found, left = np.empty_like(force), []
-        for number, load in enumerate(force):
-            answer = self.kept.answer(load, new)
-            if answer is None:
-                left.append(number)
-            else:
-                found[number] = answer
-        if left:
-            found[left] = self._solved(force[left])
-        return found
 
     def _solved(self, force: NDArray[Any]) -> NDArray[Any]:
         """Respond by the dense matrix, or solves: (N, n_points · d) → same."""

@@ -153,6 +153,19 @@ class KeptResponses:
             found += shares @ self._unit_responses()
         return found
 
+    def answers(self, loads: Single, new: bool = True) -> Single:
+        """Respond to loads as `answer`, or else all at once by the map: (N, size) → same."""
+        found, left = np.empty_like(loads), []
+        for number, load in enumerate(loads):
+            answer = self.answer(load, new)
+            if answer is None:
+                left.append(number)
+            else:
+                found[number] = answer
+        if left:
+            found[left] = self.respond(loads[left])
+        return found
+
     def _taken_apart(self, load: Single) -> tuple[Single, Single]:
         """Share of every unit load, and the rest."""
         shares, rest = np.zeros(len(self.units), load.dtype), load

@@ -250,12 +250,6 @@ class Equilibrium:
         mode[0, self.layout.dofs] = found
         return mode.reshape(u.shape)
 
-    def distance(self, u: Array, f: Array) -> float:
-        """‖δ‖ in m of a single displacement (1, n_nodes, d), infinite if a cell is inverted."""
-        if not np.isfinite(u).all() or self.inverted(u)[0]:
-            return np.inf
-        return float(norms(self.newton_step(u, self.out_of_balance(u, f))[0])[0])
-
     def damped_step(
         self, u: Array, f: Array, r: Array, halvings: int
     ) -> tuple[Array, Array] | None:
@@ -308,24 +302,18 @@ class Equilibrium:
                 found[one] = trial if self.inverted(trial)[0] == 0 else u[one]
         return found
 
-    def newton_steps(
-        self, u: Array, f: Array, residual: Callable[[Array, Array], Array] | None = None
-    ) -> NewtonSteps:
-        """Return δ, and two simplified steps after it, at displacements without inverted cells.
-
-        `residual` may compute r in N of displacements and forces, NaN where a cell is inverted.
-        """
-        residual = residual or self._finite_residual
+    def newton_steps(self, u: Array, f: Array) -> NewtonSteps:
+        """Return δ, and two simplified steps after it, at displacements without inverted cells."""
         steps, simplified, further = np.zeros((3, *u.shape))
         stable = np.zeros(len(u), dtype=bool)
         for start in range(0, len(u), self._at_once):
             some = slice(start, start + self._at_once)
             factors, is_stable = zip(*self._factors(u[some]), strict=True)
-            steps[some] = self._solved(factors, residual(u[some], f[some]))
+            steps[some] = self._solved(factors, self._finite_residual(u[some], f[some]))
             trial = u[some] + steps[some]
-            simplified[some] = self._solved(factors, residual(trial, f[some]))
+            simplified[some] = self._solved(factors, self._finite_residual(trial, f[some]))
             trial += simplified[some]
-            further[some] = self._solved(factors, residual(trial, f[some]))
+            further[some] = self._solved(factors, self._finite_residual(trial, f[some]))
             stable[some] = is_stable
         return NewtonSteps(steps, simplified, further, stable)
 

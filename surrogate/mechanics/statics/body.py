@@ -220,11 +220,9 @@ class Body(Remade):
         InputError
             As `equilibrium`.
         """
-        from surrogate.mechanics.certify.full_certificate import certify, certify_each
+        from surrogate.mechanics.certify.full_certificate import certify
 
-        if load.pressure is None:
-            return certify(self.equilibrium, load.dead, displacement)
-        return certify_each(self.equilibrium, load.pressure, load.dead, displacement)
+        return certify(self.equilibrium, load.dead, displacement, load.pressure)
 
     def correct(self, load: Load, displacement: Array) -> Correction:
         """Go on from a displacement in m, (n_nodes, d), to the equilibrium under one load.
