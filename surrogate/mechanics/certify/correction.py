@@ -25,9 +25,9 @@ Where the volumes of the cells change as a whole, the prediction's are made righ
 these are moved to where they are in equilibrium (`surrogate.mechanics.equilibrium.quadratic`).
 
 Under pressures that follow the surface there is no Π. The start is then the prediction, unless the
-undeformed body has the shorter step, and steps are those of `Equilibrium.damped_step`. These can
-stall, or end where the body is not stable. If so within 15 of them, the load is increased from
-nothing, in steps that are halved where no stable equilibrium is found, as `datagen` does.
+undeformed body has the shorter step, and steps are `damped`. These can stall, or end where the body
+is not stable. If so within 15 of them, the load is increased from nothing, in steps that are halved
+where no stable equilibrium is found, as `datagen` does.
 """
 
 from __future__ import annotations
@@ -235,7 +235,7 @@ def iterated(
             advanced = searched(equilibrium, f, u, r, step)
             stable = definite and float(np.linalg.norm(step)) <= LAST_STEP * size
         else:
-            advanced = equilibrium.damped_step(u, f, r, HALVINGS)
+            advanced = damped(equilibrium, f, u, r)
         if advanced is None:
             break
         u, r = advanced
@@ -265,6 +265,25 @@ def _beside(
     largest = AMPLITUDE * equilibrium.cell_size / np.abs(mode).max()
     for _, trial, change, new in _lower_states(equilibrium, f, u, largest * mode):
         if change < -equilibrium.rounding or float((new * mode).sum()) < 0.0:
+            return trial, new
+    return None
+
+
+def damped(equilibrium: Equilibrium, f: Array, u: Array, r: Array) -> tuple[Array, Array] | None:
+    r"""Step to a state that is closer to equilibrium, by the simplified step from there.
+
+    With the largest :math:`α = 2^{-m}` for which :math:`‖K(u)^{-1} r(u + α δ)‖ \le (1 - α / 4) \,
+    ‖δ‖` (Deuflhard 2004, Section 3.3). It needs no Π. Arguments and result are as of `searched`.
+    """
+    inverse, _ = equilibrium.inverse_at(u)
+    step = -inverse(r)
+    for halving in range(HALVINGS):
+        part = 0.5**halving
+        trial = u + part * step
+        if equilibrium.inverted(trial)[0]:
+            continue
+        new = equilibrium.out_of_balance(trial, f)
+        if np.linalg.norm(inverse(new)) <= (1 - part / 4) * np.linalg.norm(step):
             return trial, new
     return None
 

@@ -290,16 +290,7 @@ class FastCertificate:
         softest: Array,
         pressure: FollowerPressure | None = None,
     ) -> tuple[str | None, ...]:
-        """Say of each prediction why it has no bound; None if it has one.
-
-        Parameters
-        ----------
-        force, predicted : array, (N, n_nodes, d)
-            In N and m.
-        error, softest : array
-            Of `FastEstimate.with_stability`.
-        pressure : FollowerPressure, optional
-        """
+        """Say of each prediction why it has no bound, as `CalibratedRange.refusals`."""
         if self.calibrated is None:
             return (NO_RANGE,) * len(force)
         body = self.estimate.loadable, self.estimate.units

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.keys.units import SI, Units
-from surrogate.mechanics.certify.correction import HALVINGS, searched
+from surrogate.mechanics.certify.correction import damped, searched
 from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
 from surrogate.mechanics.equilibrium.newton_steps import norms
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
@@ -194,7 +194,7 @@ def _settled(equilibrium: Equilibrium, f: Array, u: Array) -> tuple[Array, NDArr
             if equilibrium.pressure is None:
                 advanced = searched(equilibrium, f[one], truth[one], r, step[None])
             else:
-                advanced = equilibrium.damped_step(truth[one], f[one], r, HALVINGS)
+                advanced = damped(equilibrium, f[one], truth[one], r)
             if advanced is not None:
                 truth[one] = advanced[0]
         going, improved = going[~contracts], True

@@ -1,10 +1,9 @@
 """Directions that drive a prediction towards the equilibrium, until it is right enough.
 
 ====================  ========================================================================
-`descent`             the loop: directions, their lengths, and when to stop
+`descent`             the loop: directions, Newton's steps from states in doubt, when to stop
 `first_direction`     the first one alone, whose length estimates the error
 `directions`          single directions and steps along them, by the method of L-BFGS
-`tangent_steps`       Newton's steps from a state in doubt
 `fixed_directions`    a fixed number of directions, for exported files
 `aim`                 when a prediction is right enough: a tolerance, a time budget
 `driven_body`         the body: out-of-balance forces of single states

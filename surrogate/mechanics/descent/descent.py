@@ -2,8 +2,17 @@ r"""Directions towards the equilibrium, one by one, until the prediction is righ
 
 The length of a direction (`surrogate.mechanics.descent.directions`) estimates the error of u. Where
 the directions are not to be trusted (`surrogate.mechanics.descent.trust`), K(u) itself is
-factorised (`surrogate.mechanics.descent.tangent_steps`), and decides. The last direction is still
-taken, since it is there; what it leaves is not looked at, and as a rule far less than the estimate.
+factorised, and steps of Newton's method decide. The last direction is still taken, since it is
+there; what it leaves is not looked at, and as a rule far less than the estimate.
+
+.. math:: δ = -K(u)^{-1} r(u), \qquad \bar δ = -K(u)^{-1} r(u + δ)
+
+A state is settled as that of a full certificate is
+(`surrogate.mechanics.certify.full_certificate`): K(u) is positive definite, the simplified step
+:math:`\bar δ` is at most a quarter of δ, and one more simplified step contracts as well. The error
+of u + δ is then nearly :math:`-\bar δ`, whose length is the estimate, and :math:`u + δ + \bar δ`
+leaves far less. A state without stiffness along some direction, or one that does not settle, is
+never within a tolerance.
 
 A load series knows how much its last term changes it, which is more than what it leaves out as long
 as its terms fall. Where this is small, the stresses soften no mode, and little of the load is out
@@ -23,13 +32,13 @@ from numpy.typing import NDArray
 from shared_schema.common.keys.units import Units
 from surrogate.mechanics.descent.aim import Aim
 from surrogate.mechanics.descent.directions import Directions
-from surrogate.mechanics.descent.driven_body import DrivenBody, longest
-from surrogate.mechanics.descent.tangent_steps import settle
+from surrogate.mechanics.descent.driven_body import DrivenBody, State, longest
 from surrogate.mechanics.descent.trust import MARGIN, Trust
+from surrogate.mechanics.equilibrium.newton_steps import norms
 
 Array = NDArray[np.float64]
 LAST = 0.7  # of the tolerance: largest last term of a series that needs no direction
-MOST = 100  # directions
+MOST, MOST_STEPS = 100, 10  # directions, and steps of Newton's method after them
 FAR = 0.1  # of the largest displacement: direction beyond which another start is looked at
 
 
@@ -148,8 +157,51 @@ def descend(
         state = found or state
         d = directions.direction(state)
     if aim.tolerance is not None and aim.has_time(clock() - begun):
-        end = settle(directions, state, aim, lambda: aim.has_time(clock() - begun))
+        u, end = settle(directions, state, aim, lambda: aim.has_time(clock() - begun), count)
         if end.reached or end.estimate < least or not end.stable:
-            ends = count + end.steps, end.estimate, end.allowed, end.reached, end.stable
-            return end.u[:nodes], Descent(*ends)
+            return u[:nodes], end
     return best[:nodes], Descent(count, least, allowed, None if aim.tolerance is None else False)
+
+
+def settle(
+    directions: Directions, state: State, aim: Aim, has_time: Callable[[], bool], before: int = 0
+) -> tuple[Array, Descent]:
+    """Go on from a state in doubt by steps of Newton's method until they settle.
+
+    Parameters
+    ----------
+    directions : Directions
+        Of the load.
+    state : State
+    aim : Aim
+    has_time : callable
+        Whether the budget allows another step.
+    before : int
+        Number of directions that were computed before.
+
+    Returns
+    -------
+    array, (n_points, d)
+        The displacement in m.
+    Descent
+    """
+    body, f, equilibrium = directions.body, directions.force, directions.body.equilibrium
+    nodes = equilibrium.nodes
+    for count in range(before + 1, before + 1 + MOST_STEPS):
+        found = equilibrium.newton_steps(state.u[None], f[None])
+        step, size = found.steps[0], longest(state.u[:nodes])
+        length, allowed = longest(step[:nodes]), aim.allowed(size)
+        balanced, stable = body.is_balanced(state, f), bool(found.stable[0])
+        if not stable and (balanced or length <= MARGIN * allowed):
+            return state.u, Descent(count, length, allowed, False, stable=False)
+        if stable and (balanced or found.contract(norms(found.steps))[0]):
+            end, left = state.u + step, length
+            if not balanced:
+                end, left = end + found.simplified[0], longest(found.simplified[0, :nodes])
+            if left <= MARGIN * allowed and not body.is_inverted(end):
+                return end, Descent(count, left, allowed, True)
+        after = directions.step(state, step) if has_time() else None
+        if after is None:
+            break
+        state = after
+    return state.u, Descent(count, length, allowed, False)

@@ -20,7 +20,7 @@ K.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from copy import copy
 from dataclasses import replace
 from functools import cached_property, partial
@@ -39,7 +39,7 @@ from shared_schema.materials import Materials, as_tuple
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.equilibrium import quadratic
 from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
-from surrogate.mechanics.equilibrium.newton_steps import NewtonSteps, norms
+from surrogate.mechanics.equilibrium.newton_steps import NewtonSteps
 from surrogate.mechanics.equilibrium.tool_springs import ToolSprings
 from surrogate.mechanics.matrices.factors import Factor, SymmetricFactor, in_single_precision
 from surrogate.mechanics.matrices.layout import Layout
@@ -53,7 +53,6 @@ Array = NDArray[np.float64]
 FIRST_SHIFT, SHIFT_GROWTH = 0.1, 4.0  # of τ
 LEAST_SHIFT, INVERSE_ITERATIONS = 1e-8, 30  # of c, and for a mode
 EPSILON = float(np.finfo(np.float64).eps)
-AT_ONCE = 2**23  # entries of bands and cell matrices that are held at once: 64 MB
 
 
 class Equilibrium:
@@ -119,9 +118,6 @@ class Equilibrium:
             self.layout = saddle_point_layout(geometry.cells, geometry.held, corners, *units)
         else:
             self.layout = Layout.of(geometry.coordinates, geometry.cells, geometry.held)
-        per_sample = self.layout.entries
-        per_sample += self.solid.cells.numel() * self.solid.cells.shape[1] * geometry.dimension**2
-        self._at_once = max(1, AT_ONCE // per_sample)
 
     def under(self, pressure: FollowerPressure) -> Equilibrium:
         """Return equilibria of the same body, under the pressures of one load case as well."""
@@ -217,15 +213,39 @@ class Equilibrium:
             f = f + self._pressures_of(u).forces(u)
         return f if self.springs is None else f + [self.springs.forces(each) for each in u]
 
+    def inverse_at(
+        self, u: Array, first_shift: float = FIRST_SHIFT
+    ) -> tuple[Callable[[Array], Array], bool]:
+        """K(u)⁻¹ of a single displacement (1, n_nodes, d), and whether K(u) is positive definite.
+
+        It takes changes of the forces in N to those of the displacements in m, both (N, n_nodes,
+        d). If K(u) is not, it is that of K(u) + τ K(0), with `first_shift` as the first τ; of K(u)
+        itself under pressures.
+        """
+        tangent = self._tangent(u)
+        if self.pressure is None:
+            factor: Factor | None = self.layout.factor(tangent)
+            stable = factor is not None
+            factor = factor or self._shifted(tangent, first_shift)
+        else:
+            surfaces = [(facets, k) for _, facets, k in self._pressures_of(u).tangents(u)]
+            factor, stable = self.layout.under_pressure(tangent, surfaces)
+        return partial(self.solved_by, factor or self.undeformed), stable
+
+    def response_at(self, u: Array) -> Callable[[Array], Array] | None:
+        """K(u)⁻¹ of a single displacement (n_nodes, d); None if K is not positive definite."""
+        inverse, stable = self.inverse_at(u[None])
+        return inverse if stable else None
+
     def newton_step(
         self, u: Array, r: Array, first_shift: float = FIRST_SHIFT
     ) -> tuple[Array, bool]:
         """Return δ in m of a single displacement without inverted cells, (1, n_nodes, d).
 
-        The second result is True if K(u) is positive definite. `first_shift` is the first τ.
+        The second result is True if K(u) is positive definite.
         """
-        factor, stable = self._factors(u, first_shift)[0]
-        return self._solved([factor], r), stable
+        inverse, stable = self.inverse_at(u, first_shift)
+        return -inverse(r), stable
 
     def unstable_mode(self, u: Array) -> Array | None:
         """Lowest mode of a K(u) that is not positive definite, (1, n_nodes, d); None if it is.
@@ -235,7 +255,7 @@ class Equilibrium:
         finds it from the body's imperfection, and with it which of v and −v.
         """
         layout = self.layout
-        (tangent,) = self._tangents(u)
+        tangent = self._tangent(u)
         if layout.factor(tangent) is not None:
             return None
         metric, shift, factor = layout.diagonal(self._at_rest), LEAST_SHIFT, None
@@ -249,38 +269,6 @@ class Equilibrium:
         mode = np.zeros((1, self._size))
         mode[0, self.layout.dofs] = found
         return mode.reshape(u.shape)
-
-    def damped_step(
-        self, u: Array, f: Array, r: Array, halvings: int
-    ) -> tuple[Array, Array] | None:
-        r"""Step to a state that is closer to equilibrium, by the simplified step from there.
-
-        With the largest :math:`α = 2^{-m}` for which :math:`‖K(u)^{-1} r(u + α δ)‖ \le (1 -
-        α / 4) \, ‖δ‖` (Deuflhard 2004, Section 3.3). It needs no Π.
-
-        Parameters
-        ----------
-        u, f, r : array, (1, n_nodes, d)
-            Displacement without inverted cells in m, dead forces and r(u) in N.
-        halvings : int
-            Largest m.
-
-        Returns
-        -------
-        tuple of array, or None
-            The next displacement, and r there; None if there is no such step.
-        """
-        factor, _ = self._factors(u)[0]
-        step = self._solved([factor], r)
-        for halving in range(halvings):
-            part = 0.5**halving
-            trial = u + part * step
-            if self.inverted(trial)[0]:
-                continue
-            new = self.out_of_balance(trial, f)
-            if norms(self._solved([factor], new))[0] <= (1 - part / 4) * norms(step)[0]:
-                return trial, new
-        return None
 
     def relaxed(self, u: Array, f: Array) -> Array:
         """Make the volumes of the cells right by a step, if they change as a whole.
@@ -298,24 +286,21 @@ class Equilibrium:
             cells = self.solid.compiled.cell_tangents(u[one], relaxed=True)
             factor = self.layout.factor(self.layout.assembled(cells)[0])
             if factor is not None:
-                trial = u[one] + self._solved([factor], r[one])
+                trial = u[one] - self.solved_by(factor, r[one])
                 found[one] = trial if self.inverted(trial)[0] == 0 else u[one]
         return found
 
     def newton_steps(self, u: Array, f: Array) -> NewtonSteps:
         """Return δ, and two simplified steps after it, at displacements without inverted cells."""
-        steps, simplified, further = np.zeros((3, *u.shape))
-        stable = np.zeros(len(u), dtype=bool)
-        for start in range(0, len(u), self._at_once):
-            some = slice(start, start + self._at_once)
-            factors, is_stable = zip(*self._factors(u[some]), strict=True)
-            steps[some] = self._solved(factors, self._finite_residual(u[some], f[some]))
-            trial = u[some] + steps[some]
-            simplified[some] = self._solved(factors, self._finite_residual(trial, f[some]))
-            trial += simplified[some]
-            further[some] = self._solved(factors, self._finite_residual(trial, f[some]))
-            stable[some] = is_stable
-        return NewtonSteps(steps, simplified, further, stable)
+        steps, stable = np.zeros((3, *u.shape)), np.zeros(len(u), dtype=bool)
+        for row in range(len(u)):
+            one = slice(row, row + 1)
+            inverse, stable[row] = self.inverse_at(u[one])
+            at = u[one]
+            for following in steps:
+                following[one] = -inverse(self._finite_residual(at, f[one]))
+                at = at + following[one]
+        return NewtonSteps(*steps, stable)
 
     def _finite_residual(self, u: Array, f: Array) -> Array:
         """r(u) in N, (N, n_nodes, d); NaN where a cell is inverted or a number is not finite."""
@@ -327,15 +312,6 @@ class Equilibrium:
         """K(0)⁻¹ f in m, (N, n_nodes, d), by a factor of the precision of f, which is kept."""
         require_time()
         return self.solved_by(self.rough if f.dtype == np.float32 else self.undeformed, f)
-
-    def response_at(self, u: Array) -> Callable[[Array], Array] | None:
-        """K(u)⁻¹ of a single displacement (n_nodes, d); None if K is not positive definite.
-
-        It takes changes of the forces in N to those of the displacements in m, both (N, n_nodes,
-        d).
-        """
-        factor, stable = self._factors(u[None])[0]
-        return partial(self.solved_by, factor) if stable else None
 
     def solved_by(self, factor: Factor, f: NDArray[Any]) -> NDArray[Any]:
         """K⁻¹ f in m by factors in the order of `layout`, in the precision of f in N.
@@ -380,40 +356,17 @@ class Equilibrium:
         diagonal = self.layout.diagonal(self._at_rest)
         return RoundOff.of(float(np.linalg.norm(diagonal)), diagonal.max(), self.cell_size)
 
-    def _factors(self, u: Array, first_shift: float = FIRST_SHIFT) -> list[tuple[Factor, bool]]:
-        """Factorise every K(u), or K(u) + τ K(0); say whether K(u) is stable."""
-        found: list[tuple[Factor, bool]] = []
-        if self.pressure is not None:
-            return [self._factor_under_pressure(u[row : row + 1]) for row in range(len(u))]
-        for tangent in self._tangents(u):
-            factor = self.layout.factor(tangent)
-            shifted = factor or self._shifted(tangent, first_shift)
-            found.append((shifted, factor is not None))
-        return found
-
-    def _factor_under_pressure(self, u: Array) -> tuple[Factor, bool]:
-        """Factorise K(u) of a single displacement, or K(0); say whether K(u) is stable."""
-        surfaces = [(facets, blocks) for _, facets, blocks in self._pressures_of(u).tangents(u)]
-        factor, stable = self.layout.under_pressure(self._tangents(u)[0], surfaces)
-        return factor or self.undeformed, stable
-
     def _pressures_of(self, u: Array) -> FollowerPressure:
         """Pressures on every displacement."""
         assert self.pressure is not None
         return self.pressure[np.zeros(len(u), dtype=np.int64)]
 
-    def _solved(self, factors: Sequence[Factor], r: Array) -> Array:
-        """-K⁻¹ r of every sample, zero at clamped nodes; NaN where r is NaN."""
-        each = zip(factors, r, strict=True)
-        return -np.concatenate([self.solved_by(factor, one[None]) for factor, one in each])
-
-    def _tangents(self, u: Array) -> list[Array]:
-        """K(u) of every displacement, as `layout` assembles them."""
-        tangents = self.layout.assembled(self.solid.compiled.cell_tangents(u))
+    def _tangent(self, u: Array) -> Array:
+        """K(u) of a single displacement without pressures, as `layout` assembles it."""
+        tangent = self.layout.assembled(self.solid.compiled.cell_tangents(u))[0]
         if self.springs is None:
-            return tangents
-        pairs = zip(tangents, u, strict=True)
-        return [self.layout.with_facets(k, *self.springs.tangent(each)) for k, each in pairs]
+            return tangent
+        return self.layout.with_facets(tangent, *self.springs.tangent(u[0]))
 
     @property
     def _at_rest(self) -> Array:

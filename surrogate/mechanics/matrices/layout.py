@@ -105,12 +105,6 @@ class Layout:
         eliminated = partial(rows_of_least_degree, cells, held)
         return cls(numbers, np.flatnonzero(~held), held.size, eliminated=eliminated)
 
-    @property
-    def entries(self) -> int:
-        """About the number of values that are held for a factor, without its fill if sparse."""
-        per_row = 2 * self._cells.shape[1] if self.width is None else self.width
-        return self._size * (per_row + 1)
-
     def assembled(self, cell_matrices: Tensor) -> list[Array]:
         """Add cell matrices (N, n_cells, m, m) into N tangents."""
         matrices, (kept, places) = cell_matrices.numpy(), self._kept_and_places
