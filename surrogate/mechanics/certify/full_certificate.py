@@ -152,10 +152,9 @@ def certify(
         together = [(equilibrium.under(pressure[row]), row) for row in rows]
     parts = zip(*(_certified(body, f[row], u[row]) for body, row in together), strict=True)
     shape = predicted.shape[:-2]
-    arrays: Any = (np.concatenate(part) for part in parts)
-    return Certificate(
-        *(array.reshape(*shape, *array.shape[1:]) for array in arrays), units=equilibrium.units
-    )
+    joined: list[Any] = [np.concatenate(part) for part in parts]
+    arrays = [array.reshape(*shape, *array.shape[1:]) for array in joined]
+    return Certificate(*arrays, equilibrium.units)
 
 
 def _certified(equilibrium: Equilibrium, load: Array, u: Array) -> tuple[NDArray[Any], ...]:

@@ -53,7 +53,7 @@ class KeptResponses:
 
     def __init__(
         self,
-        respond: Callable[[Array], NDArray[Any]],
+        respond: Callable[[NDArray[Any]], NDArray[Any]],
         size: int,
         units: Sequence[tuple[Numbers, Array]] = (),
     ) -> None:
@@ -130,10 +130,6 @@ class KeptResponses:
         unit[np.arange(len(numbers)), numbers] = 1
         return self.respond(unit)
 
-    def holds(self, numbers: Numbers) -> bool:
-        """Tell whether the columns of some inputs are there."""
-        return bool((self._places[numbers] >= 0).all())
-
     def answer(self, load: Single, new: bool = True) -> Single | None:
         """Respond to one load, (size,) → same, by a sum; None if it is not made of a few parts.
 
@@ -145,7 +141,7 @@ class KeptResponses:
         """
         shares, rest = self._taken_apart(load)
         loaded = rest.nonzero()[0]
-        there = self.holds(loaded)
+        there = bool((self._places[loaded] >= 0).all())
         if len(loaded) > self.most or not (there or (new and len(loaded) <= LOADED)):
             return None
         found = self.sum_of(loaded, rest[loaded])

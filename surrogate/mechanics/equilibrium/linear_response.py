@@ -113,11 +113,7 @@ class LinearResponse(nn.Module):
 
     def at_nodes(self, force: Tensor) -> Tensor:
         """Respond at the nodes, in m: (N, d, nx, ny[, nz]) → (N, d, n_nodes)."""
-        return self.respond(self.to_nodes(force.flatten(2)))
-
-    def respond(self, forces: Tensor) -> Tensor:
-        """K⁻¹ f, zero at clamped nodes: (N, d, n_nodes) → same."""
-        response: Tensor = self.compliance(forces.mT)
+        response: Tensor = self.compliance(self.to_nodes(force.flatten(2)).mT)
         return response.mT
 
     def on_grid(self, nodal: Tensor) -> tuple[Tensor, Tensor]:

@@ -41,34 +41,17 @@ class NewtonSteps:
     further: Array
     stable: NDArray[np.bool_]
 
-    @property
-    def contraction(self) -> Array:
-        """Θ, (N,); 0 if δ is 0, +∞ if a cell is inverted at u + δ."""
-        return _contraction(self.steps, self.simplified)
-
-    @property
-    def further_contraction(self) -> Array:
-        """Θ of the simplified steps, (N,); 0 if δ̄ is 0, +∞ if a cell is inverted on the way."""
-        return _contraction(self.simplified, self.further)
-
     def contract(self, error: Array) -> NDArray[np.bool_]:
         """Whether the steps settle, (N,): δ̄ is at most a quarter of δ, and contracts as well.
 
         It need not where the third step is at most a thousandth of the norm of an estimated error
         in m, (N,).
         """
-        negligible = norms(self.further) <= SMALL_PART * error
-        further = (self.further_contraction <= CONTRACTION) | negligible
-        return np.asarray((self.contraction <= CONTRACTION) & further)
+        first, second, third = (norms(f) for f in (self.steps, self.simplified, self.further))
+        further = (third <= CONTRACTION * second) | (third <= SMALL_PART * error)
+        return np.asarray((second <= CONTRACTION * first) & further)
 
 
 def norms(fields: Array) -> Array:
     """Euclidean norm of every field: (N, n_nodes, d) → (N,)."""
     return np.sqrt(np.square(fields).sum(axis=(1, 2)))
-
-
-def _contraction(step: Array, following: Array) -> Array:
-    """‖following‖ / ‖step‖, (N,); 0 if the step is 0, +∞ if one of them is not finite."""
-    first, second = norms(step), norms(following)
-    theta = np.divide(second, first, out=np.zeros_like(first), where=first != 0)
-    return np.nan_to_num(theta, nan=np.inf)

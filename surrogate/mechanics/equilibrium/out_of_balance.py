@@ -300,7 +300,7 @@ class Equilibrium:
             for following in steps:
                 following[one] = -inverse(self._finite_residual(at, f[one]))
                 at = at + following[one]
-        return NewtonSteps(*steps, stable)
+        return NewtonSteps(steps[0], steps[1], steps[2], stable)
 
     def _finite_residual(self, u: Array, f: Array) -> Array:
         """r(u) in N, (N, n_nodes, d); NaN where a cell is inverted or a number is not finite."""
