@@ -153,7 +153,7 @@ def certify(
     parts = zip(*(_certified(body, f[row], u[row]) for body, row in together), strict=True)
     shape = predicted.shape[:-2]
     joined: list[Any] = [np.concatenate(part) for part in parts]
-    arrays = [array.reshape(*shape, *array.shape[1:]) for array in joined]
+    arrays = [array.reshape((*shape, *array.shape[1:])) for array in joined]
     return Certificate(*arrays, equilibrium.units)
 
 
