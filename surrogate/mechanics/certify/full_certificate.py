@@ -23,7 +23,7 @@ nodes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -154,7 +154,7 @@ def certify(
     shape = predicted.shape[:-2]
     joined: list[Any] = [np.concatenate(part) for part in parts]
     arrays = [array.reshape((*shape, *array.shape[1:])) for array in joined]
-    return Certificate(*arrays, equilibrium.units)
+    return replace(Certificate(*arrays), units=equilibrium.units)
 
 
 def _certified(equilibrium: Equilibrium, load: Array, u: Array) -> tuple[NDArray[Any], ...]:

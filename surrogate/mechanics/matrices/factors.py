@@ -195,34 +195,17 @@ class SparseFactor:
         return found
 
 
-@dataclass(frozen=True)
-class SuperLU:
-    """Factors by SuperLU of a matrix with its rows in another order.
+def super_lu(matrix: csc_array, negative: int) -> Solver | None:
+    """Factors by SuperLU of a symmetric matrix, without exchanges of rows.
 
-    Attributes
-    ----------
-    factors : scipy.sparse.linalg.SuperLU
-    rows : array of int, (n,)
+    None unless so many of its eigenvalues are negative.
     """
-
-    factors: Any
-    rows: NDArray[np.int64]
-
-    @classmethod
-    def of(cls, matrix: csc_array, rows: NDArray[np.int64], negative: int) -> SuperLU | None:
-        """Factorise a symmetric matrix; None unless so many of its eigenvalues are negative."""
-        try:
-            lu = splu(csc_array(matrix[rows][:, rows]), **IN_PLACE)
-        except RuntimeError:  # exactly singular
-            return None
-        is_other = np.any(lu.perm_r != lu.perm_c) or (lu.U.diagonal() < 0).sum() != negative
-        return None if is_other else cls(lu, rows)
-
-    def solve(self, right: Array) -> Array:
-        """Solve for right-hand sides, (n,) or (n, m) → same."""
-        found = np.empty_like(right)
-        found[self.rows] = self.factors.solve(right[self.rows])
-        return found
+    try:
+        lu: Any = splu(matrix, **IN_PLACE)
+    except RuntimeError:  # exactly singular
+        return None
+    is_other = np.any(lu.perm_r != lu.perm_c) or (lu.U.diagonal() < 0).sum() != negative
+    return None if is_other else lu
 
 
 class Pardiso:

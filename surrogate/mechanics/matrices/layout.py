@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from functools import cached_property, partial
+from collections.abc import Iterable
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +17,11 @@ from surrogate.mechanics.matrices.factors import (
     Factor,
     Pardiso,
     SparseFactor,
-    SuperLU,
     SymmetricFactor,
     has_pardiso,
+    super_lu,
 )
-from surrogate.mechanics.matrices.orders import band_order, rows_of_least_degree
+from surrogate.mechanics.matrices.orders import band_order, dofs_of_least_degree
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
@@ -51,9 +51,6 @@ class Layout:
         Number of negative eigenvalues that a matrix has if its K is positive definite.
     units : array, (m, m), optional
         Factors on the entries of a cell's matrix.
-    eliminated : callable, optional
-        Rows in the order in which SuperLU eliminates them, found when it does; by default as they
-        are.
 
     Attributes
     ----------
@@ -72,11 +69,9 @@ class Layout:
         displacements: int | None = None,
         negative: int = 0,
         units: Array | None = None,
-        eliminated: Callable[[], Numbers] | None = None,
     ) -> None:
         self.width, self._cells, self._size = width, cells, len(order)
         self._negative, self._units = negative, units
-        self._eliminated = eliminated or partial(np.arange, len(order))
         self._row = np.full(size, -1)
         self._row[order] = np.arange(len(order))
         self._rows_of_displacements = np.flatnonzero(
@@ -102,8 +97,8 @@ class Layout:
         dofs, width = band_order(coordinates, cells, held)
         if len(dofs) * (width + 1) <= MOST:
             return cls(numbers, dofs, held.size, width)
-        eliminated = partial(rows_of_least_degree, cells, held)
-        return cls(numbers, np.flatnonzero(~held), held.size, eliminated=eliminated)
+        dofs = np.flatnonzero(~held) if has_pardiso() else dofs_of_least_degree(cells, held)
+        return cls(numbers, dofs, held.size)
 
     def assembled(self, cell_matrices: Tensor) -> list[Array]:
         """Add cell matrices (N, n_cells, m, m) into N tangents."""
@@ -132,7 +127,7 @@ class Layout:
         if self._negative == 0 and has_pardiso():
             cholesky = Pardiso.of(matrix)
             return None if cholesky is None else SparseFactor(cholesky, matrix, displacements)
-        lu = SuperLU.of(matrix, self._elimination, self._negative)
+        lu = super_lu(matrix, self._negative)
         factor = None if lu is None else SparseFactor(lu, matrix, displacements)
         return factor if factor is not None and factor.is_accurate() else None
 
@@ -210,8 +205,3 @@ class Layout:
     def _diagonal(self) -> Numbers:
         rows = self._rows_of_displacements
         return np.searchsorted(self._entries, rows * (self._size + 1))
-
-    @cached_property
-    def _elimination(self) -> Numbers:
-        """Rows in the order in which SuperLU eliminates them."""
-        return self._eliminated()

@@ -65,10 +65,10 @@ def _narrow_order(
     return best
 
 
-def rows_of_least_degree(cells: NDArray[np.int64], held: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Order of least degree of the components that are not held, as numbers among these."""
-    rows = np.where(held, -1, np.cumsum(~held).reshape(held.shape) - 1)
-    found = rows[of_least_degree(cells, len(held))].ravel()
+def dofs_of_least_degree(cells: NDArray[np.int64], held: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Free degrees of freedom, node · m + component, in an order of least degree."""
+    dofs = np.where(held, -1, np.arange(held.size).reshape(held.shape))
+    found = dofs[of_least_degree(cells, len(held))].ravel()
     return found[found >= 0]
 
 
