@@ -75,12 +75,18 @@ class FastEstimate:
         pressure : FollowerPressure, optional
             Pressures of the N load cases.
         """
-        return self._of_each(forces, predicted, pressure, judged=False)[0]
+        return self.with_stability(forces, predicted, pressure, judged=False)[0]
 
     def with_stability(
-        self, forces: Array, predicted: Array, pressure: FollowerPressure | None = None
+        self,
+        forces: Array,
+        predicted: Array,
+        pressure: FollowerPressure | None = None,
+        judged: bool = True,
     ) -> tuple[Array, Array, Array]:
         """Estimate the errors as a call does, and judge the stability of the predicted states.
+
+        By the softest modes as well if they are to be `judged`.
 
         Returns
         -------
@@ -93,11 +99,6 @@ class FastEstimate:
             θ, which is 1 for the undeformed body; −∞ if a cell is inverted. If it is not positive,
             K(u) is not positive definite; its size then means nothing.
         """
-        return self._of_each(forces, predicted, pressure, judged=True)
-
-    def _of_each(
-        self, forces: Array, predicted: Array, pressure: FollowerPressure | None, judged: bool
-    ) -> tuple[Array, Array, Array]:
         error, rest = np.full(predicted.shape, np.inf), np.zeros(predicted.shape)
         softest, nodes = np.full(len(predicted), -np.inf), predicted.shape[1]
         for row, (load, u) in enumerate(zip(forces, predicted, strict=True)):

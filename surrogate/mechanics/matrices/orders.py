@@ -36,33 +36,22 @@ def band_order(
     width : int
         Number b of diagonals below the main one.
     """
-    d = held.shape[1]
+    d, corners = held.shape[1], cells.shape[1]
     free = np.flatnonzero(~held.all(axis=1))
-    order, distance = _narrow_order(coordinates, cells, free)
-    dofs = (order[:, None] * d + np.arange(d)).ravel()
-    return dofs[~held.ravel()[dofs]], distance * d + d - 1
-
-
-def _narrow_order(
-    coordinates: Array, cells: NDArray[np.int64], free: NDArray[np.int64]
-) -> tuple[NDArray[np.int64], int]:
-    """Order of the free nodes with the narrowest band; largest distance of neighbours in it."""
-    corners = cells.shape[1]
     graph = sum_of_cells(np.ones((len(cells), corners, corners)), cells, len(coordinates))
     graph = graph[free][:, free].tocoo()
-    orders = [reverse_cuthill_mckee(graph.tocsr(), symmetric_mode=True)]
+
+    def distance(order: NDArray[np.int64]) -> int:
+        """Largest distance of neighbours."""
+        place = np.argsort(order)
+        return int(np.abs(place[graph.row] - place[graph.col]).max(initial=0))
+
     axes = np.arange(coordinates.shape[1])
     places = np.round(coordinates[free] / np.ptp(coordinates, axis=0).max(), 9)  # equal ones tie
-    orders += [np.lexsort(places[:, np.roll(axes, shift)].T) for shift in axes]
-    best: tuple[NDArray[np.int64], int] | None = None
-    for order in orders:
-        place = np.empty(len(free), dtype=np.int64)
-        place[order] = np.arange(len(free))
-        distance = int(np.abs(place[graph.row] - place[graph.col]).max(initial=0))
-        if best is None or distance < best[1]:
-            best = free[order], distance
-    assert best is not None
-    return best
+    orders = [np.lexsort(places[:, np.roll(axes, shift)].T) for shift in axes]
+    order = min([reverse_cuthill_mckee(graph.tocsr(), symmetric_mode=True), *orders], key=distance)
+    dofs = (free[order][:, None] * d + np.arange(d)).ravel()
+    return dofs[~held.ravel()[dofs]], distance(order) * d + d - 1
 
 
 def dofs_of_least_degree(cells: NDArray[np.int64], held: NDArray[np.bool_]) -> NDArray[np.int64]:
