@@ -33,11 +33,10 @@ if TYPE_CHECKING:
     from surrogate.learning.inference.training_range import OutsideTrainingWarning
     from surrogate.learning.planning.first_configuration import first_config
     from surrogate.learning.planning.trial_steps import dry_run
-    from surrogate.learning.runs.config_list import config_list
     from surrogate.learning.runs.config_reader import read_config
     from surrogate.learning.runs.config_schema import config_keys, config_schema
     from surrogate.learning.runs.shelf import shelve, shelved
-    from surrogate.learning.runs.trained_list import trained_list
+    from surrogate.learning.runs.shipped_tables import config_list, trained_list
     from surrogate.learning.training.loop import train
     from surrogate.mechanics.descent.aim import UnreachedToleranceWarning
     from surrogate.mechanics.identification.identification import Identification, identify

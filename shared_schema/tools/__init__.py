@@ -13,12 +13,17 @@ Lengths are in m; in the plane a sphere is a disc.
 ================  ===========================================================
 """
 
-from shared_schema.tools.closed_surface import Mesh
-from shared_schema.tools.contact import Contact, contact_line
-from shared_schema.tools.displaced import Displaced
-from shared_schema.tools.given_tool import parse_tool
-from shared_schema.tools.shapes import Capsule, Plane, Sphere
-from shared_schema.tools.tool import Tool, require_outside
+from typing import TYPE_CHECKING
+
+from shared_schema.common.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from shared_schema.tools.closed_surface import Mesh
+    from shared_schema.tools.contact import Contact, contact_line
+    from shared_schema.tools.displaced import Displaced
+    from shared_schema.tools.given_tool import parse_tool
+    from shared_schema.tools.shapes import Capsule, Plane, Sphere
+    from shared_schema.tools.tool import Tool, require_outside
 
 __all__ = [
     "Capsule",
@@ -32,3 +37,4 @@ __all__ = [
     "parse_tool",
     "require_outside",
 ]
+__getattr__, __dir__ = lazy_names(__name__)

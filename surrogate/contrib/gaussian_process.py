@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from surrogate.learning.networks.fitted import Fitted
+from surrogate.contrib.fitted import Fitted
 
 TUNING_SAMPLES = 500  # largest number for the kernel's parameters; a search step takes O(n³)
 

@@ -13,7 +13,7 @@ from itertools import product
 import torch
 from torch import Tensor
 
-from surrogate.learning.networks.fitted import Fitted
+from surrogate.contrib.fitted import Fitted
 
 
 class RidgeRegression(Fitted):

@@ -12,7 +12,7 @@ from scipy.sparse import csr_array
 from shared_schema.common.errors import InputError
 from surrogate.learning.data.case_loads import families_of
 from surrogate.learning.inference.surrogate import Surrogate
-from surrogate.learning.networks.no_network import NoNetwork
+from surrogate.learning.models.series_model import NoNetwork
 from surrogate.mechanics.body.elements_of_case import body_of_response
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure

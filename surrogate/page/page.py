@@ -25,7 +25,7 @@ from shared_schema.common.solution_file import require_suffix
 from surrogate.learning.inference.export import require_packages
 from surrogate.learning.inference.loading import load
 from surrogate.learning.inference.surrogate import Surrogate
-from surrogate.learning.networks.no_network import NoNetwork
+from surrogate.learning.models.series_model import NoNetwork
 from surrogate.learning.probabilistic.moments import Moments
 from surrogate.mechanics.body.stiffness import modulus_at_rest
 from surrogate.page.body import BAND, drawn, mechanics_of

@@ -23,7 +23,7 @@ from torch import Tensor, nn
 from shared_schema.common.errors import InputError
 from surrogate.learning.inference.export import responses, save_function
 from surrogate.learning.inference.surrogate import Surrogate
-from surrogate.learning.networks.free_points import on_grid
+from surrogate.learning.networks.grid_fields import on_grid
 from surrogate.learning.networks.reduced_network import ReducedNetwork
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.page.page_loads import Arrays, PageLoads, patches_of, volumes_of

@@ -16,7 +16,7 @@ from shared_schema.common.errors import InputError
 from shared_schema.materials import NeoHookean
 from surrogate.learning.data.nodal_dataset import read_nodal_dataset
 from surrogate.learning.runs.folder import RunFolder
-from surrogate.learning.runs.trained_list import certificates_of
+from surrogate.learning.runs.shipped_tables import certificates_of
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.certify.correction import correct
 from surrogate.mechanics.certify.full_certificate import certify

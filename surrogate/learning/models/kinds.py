@@ -93,6 +93,8 @@ def _only_value(kind: type[Model]) -> str:
 
 def __getattr__(name: str) -> type[Model]:
     """Return a class by its name, in a process that has not made it yet."""
+    if name.startswith("__"):  # what Python asks of every module
+        raise AttributeError(name)
     for kind in kinds().values():
         if kind.__name__ == name:
             return kind

@@ -17,7 +17,7 @@ from shared_schema.materials import Materials
 from surrogate.learning.data.samples import Samples
 from surrogate.learning.models.training_config import SplitConfig, TrainingConfig
 from surrogate.learning.networks.field_network import FieldNetwork
-from surrogate.learning.networks.inputs import Input, channels_of
+from surrogate.learning.networks.grid_fields import Input, channels_of
 from surrogate.learning.probabilistic.flipout import VariationalConfig
 from surrogate.learning.probabilistic.likelihoods import Likelihood, Prediction
 from surrogate.learning.probabilistic.moments import Moments

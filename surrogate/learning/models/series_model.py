@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar, Literal
 
+import torch
 from pydantic import Field
 from torch import Tensor, nn
 
@@ -16,7 +17,6 @@ from surrogate.learning.models.likelihood_keys import Untrained
 from surrogate.learning.models.model import Model
 from surrogate.learning.models.training_config import SplitConfig
 from surrogate.learning.networks.field_network import FieldNetwork
-from surrogate.learning.networks.no_network import NoNetwork
 from surrogate.learning.probabilistic.likelihoods import Prediction, deterministic_loss
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.equilibrium.linear_response import LinearResponse
@@ -24,6 +24,14 @@ from surrogate.mechanics.series import SeriesResponse
 
 if TYPE_CHECKING:
     from surrogate.learning.data.dataset import Dataset
+
+
+class NoNetwork(nn.Module):
+    """Zero displacements on the grid, of a surrogate that is the response of the body alone."""
+
+    def forward(self, inputs: Tensor) -> Tensor:
+        """Return zeros: (N, d, nx, ny[, nz]) → same."""
+        return torch.zeros_like(inputs)
 
 
 class SeriesModel(Model):

@@ -11,9 +11,11 @@ from torch import Tensor
 from shared_schema.common.configuration import Frozen
 from surrogate.learning.data.samples import Location
 from surrogate.learning.networks.field_network import FieldNetwork
-from surrogate.learning.optim.early_stopping import EarlyStoppingConfig
-from surrogate.learning.optim.optimisers import OptimiserConfig
-from surrogate.learning.optim.schedule import ScheduleConfig
+from surrogate.learning.optim.optimisation_keys import (
+    EarlyStoppingConfig,
+    OptimiserConfig,
+    ScheduleConfig,
+)
 from surrogate.learning.probabilistic.likelihoods import (
     Errors,
     Loss,

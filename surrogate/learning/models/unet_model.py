@@ -19,7 +19,7 @@ from surrogate.learning.models.likelihood_keys import (
 )
 from surrogate.learning.models.network_model import NetworkModel
 from surrogate.learning.networks.field_network import FieldNetwork
-from surrogate.learning.networks.inputs import Input
+from surrogate.learning.networks.grid_fields import Input
 from surrogate.learning.networks.unet import UNet, UNetConfig
 from surrogate.learning.probabilistic.flipout import VariationalConvolutions
 from surrogate.learning.probabilistic.likelihoods import output_channels

@@ -12,7 +12,7 @@ from torch.nn import functional
 
 from shared_schema.manifest import StructuredInfo
 from surrogate.learning.data.samples import Samples
-from surrogate.learning.networks.inputs import Input, channels_of
+from surrogate.learning.networks.grid_fields import Input, channels_of
 from surrogate.learning.networks.load_count_factor import LoadCountFactor
 from surrogate.learning.probabilistic.ensemble import members_of
 from surrogate.learning.probabilistic.likelihoods import Prediction

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
-from surrogate.learning.networks.free_points import at_points, on_grid
+from surrogate.learning.networks.grid_fields import at_points, on_grid
 
 LARGEST_SVD = 2000  # samples; of more, a random part is decomposed
 POWER_ITERATIONS, SPARE_MODES = 4, 20

@@ -27,9 +27,9 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from shared_schema.common.configuration import Frozen
-from surrogate.learning.networks.activations import ACTIVATIONS, Activation
 from surrogate.learning.networks.field_network import SMALLEST_STD
-from surrogate.learning.networks.free_points import at_points, on_grid
+from surrogate.learning.networks.grid_fields import at_points, on_grid
+from surrogate.learning.networks.layers import ACTIVATIONS, Activation
 from surrogate.learning.networks.modal_series import ModalSeries
 from surrogate.learning.networks.modes import LARGEST_SVD, chosen_rows, leading_modes, modal_encoder
 from surrogate.learning.probabilistic.ensemble import members_of

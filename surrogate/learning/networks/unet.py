@@ -18,9 +18,14 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from shared_schema.common.configuration import Frozen
-from surrogate.learning.networks.activations import ACTIVATIONS, Activation
-from surrogate.learning.networks.inputs import Input, channels_of
-from surrogate.learning.networks.normalisation import OVER_CHANNELS, BatchNorm, LastAxisNorm
+from surrogate.learning.networks.grid_fields import Input, channels_of
+from surrogate.learning.networks.layers import (
+    ACTIVATIONS,
+    OVER_CHANNELS,
+    Activation,
+    BatchNorm,
+    LastAxisNorm,
+)
 from surrogate.learning.probabilistic.dropout import ChannelDropout
 from surrogate.learning.probabilistic.flipout import FlipoutConvolution, VariationalConvolutions
 

@@ -6,25 +6,11 @@ import math
 from collections.abc import Mapping
 
 import torch
-from pydantic import Field
 from torch import Tensor, nn
 
-from shared_schema.common.configuration import Frozen
+from surrogate.learning.optim.optimisation_keys import EarlyStoppingConfig
 
 NETWORK = "network."
-
-
-class EarlyStoppingConfig(Frozen):
-    """Condition for stopping a training before its last epoch.
-
-    Attributes
-    ----------
-    patience : int
-        Number of consecutive epochs without a new smallest validation loss, after which the
-        training stops.
-    """
-
-    patience: int = Field(gt=0, le=10**6)
 
 
 class EarlyStopping:

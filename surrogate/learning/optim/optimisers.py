@@ -2,56 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
-
 import torch
-from pydantic import Field, model_validator
 from torch import Tensor, nn
 
-from shared_schema.common.configuration import Frozen
 from surrogate.learning.optim.muon import Muon
-
-MOMENTUM = 0.95
-Decay = Annotated[float, Field(ge=0, lt=1)]
-
-
-class OptimiserConfig(Frozen):
-    """Optimiser and learning rate (defaults: the paper's).
-
-    Attributes
-    ----------
-    name : {"adam", "muon"}
-        Optimiser. ``muon`` updates the kernels and matrices between hidden layers by Muon and all
-        other parameters by Adam.
-    learning_rate : float
-        Peak learning rate.
-    betas : tuple of 2 floats
-        Decay rates of Adam's moments.
-    momentum : float
-        Momentum of Muon.
-    weight_decay : float
-        Decoupled weight decay.
-    rho_factor : float
-        Factor on the learning rate of the ρ of Gaussian posteriors. The best ρ follow the σ of the
-        likelihood, which falls by orders of magnitude in training; if ρ lags behind, predicted
-        standard deviations are too large.
-    gradient_clip : float or None
-        Largest allowed 2-norm of the gradient of all parameters; None for no limit.
-    """
-
-    name: Literal["adam", "muon"] = "adam"
-    learning_rate: float = Field(1e-4, gt=0, le=10)
-    betas: tuple[Decay, Decay] = (0.9, 0.999)
-    momentum: float = Field(MOMENTUM, ge=0, lt=1)
-    weight_decay: float = Field(0.0, ge=0, le=100)
-    rho_factor: float = Field(1.0, gt=0, le=1e6)
-    gradient_clip: float | None = Field(None, gt=0, le=1e6)
-
-    @model_validator(mode="after")
-    def _momentum_is_of_muon(self) -> Self:
-        if self.name == "adam" and self.momentum != MOMENTUM:
-            raise ValueError(f"momentum = {self.momentum}: expected with name 'muon' only")
-        return self
+from surrogate.learning.optim.optimisation_keys import OptimiserConfig
 
 
 def make_optimisers(

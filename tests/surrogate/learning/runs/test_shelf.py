@@ -21,7 +21,7 @@ from surrogate.learning.runs import shelf
 from surrogate.learning.runs.folder import RunFolder
 from surrogate.learning.runs.recipes import SHIPPED
 from surrogate.learning.runs.shelf import KEPT, KEPT_IF_THERE, find_run, shelve, shelved, size_of
-from surrogate.learning.runs.trained_list import Row
+from surrogate.learning.runs.shipped_tables import Row
 
 PACKAGE = Path(surrogate.__file__).parent
 NAMES = shelved()

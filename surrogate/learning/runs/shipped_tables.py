@@ -1,12 +1,15 @@
-"""The table of the trained networks that come with the package."""
+"""The tables of the trained networks and of the recipes that come with the package."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 from shared_schema.common.errors import InputError
+from shared_schema.common.shipped_files import shipped_files
 from shared_schema.common.text_table import laid_out
+from surrogate.learning.models.kinds import run_config
 from surrogate.learning.runs.folder import RunFolder
+from surrogate.learning.runs.recipes import SHIPPED, named
 from surrogate.learning.runs.shelf import find_run, shelved, size_of
 from surrogate.mechanics.body.elements_of_case import require_known_elements
 from surrogate.mechanics.body.geometry import PREFIX
@@ -64,4 +67,13 @@ def certificates_of(run: RunFolder) -> str:
 def trained_list() -> str:
     """Lay out the table, one line a network."""
     rows = [HEAD, *map(row_of, shelved())]
+    return laid_out(rows)
+
+
+def config_list() -> str:
+    """Lay out name, architecture and one line of every recipe."""
+    rows = [("configuration", "model", "")]
+    for name, content, line in shipped_files(SHIPPED):
+        config = run_config(named(content, "CASE", name), name)
+        rows.append((name, config.architecture, line))
     return laid_out(rows)

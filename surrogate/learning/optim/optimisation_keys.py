@@ -1,15 +1,56 @@
-"""Learning-rate schedules, chosen by name."""
+"""Configuration keys of a training: optimiser, learning-rate schedule, early stopping."""
 
 from __future__ import annotations
 
 import math
-from typing import Literal, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
 from shared_schema.common.configuration import Frozen
 
 ONE_CYCLE_START = 1 / 25  # default of torch's OneCycleLR
+MOMENTUM = 0.95
+Decay = Annotated[float, Field(ge=0, lt=1)]
+
+
+class OptimiserConfig(Frozen):
+    """Optimiser and learning rate (defaults: the paper's).
+
+    Attributes
+    ----------
+    name : {"adam", "muon"}
+        Optimiser. ``muon`` updates the kernels and matrices between hidden layers by Muon and all
+        other parameters by Adam.
+    learning_rate : float
+        Peak learning rate.
+    betas : tuple of 2 floats
+        Decay rates of Adam's moments.
+    momentum : float
+        Momentum of Muon.
+    weight_decay : float
+        Decoupled weight decay.
+    rho_factor : float
+        Factor on the learning rate of the ρ of Gaussian posteriors. The best ρ follow the σ of the
+        likelihood, which falls by orders of magnitude in training; if ρ lags behind, predicted
+        standard deviations are too large.
+    gradient_clip : float or None
+        Largest allowed 2-norm of the gradient of all parameters; None for no limit.
+    """
+
+    name: Literal["adam", "muon"] = "adam"
+    learning_rate: float = Field(1e-4, gt=0, le=10)
+    betas: tuple[Decay, Decay] = (0.9, 0.999)
+    momentum: float = Field(MOMENTUM, ge=0, lt=1)
+    weight_decay: float = Field(0.0, ge=0, le=100)
+    rho_factor: float = Field(1.0, gt=0, le=1e6)
+    gradient_clip: float | None = Field(None, gt=0, le=1e6)
+
+    @model_validator(mode="after")
+    def _momentum_is_of_muon(self) -> Self:
+        if self.name == "adam" and self.momentum != MOMENTUM:
+            raise ValueError(f"momentum = {self.momentum}: expected with name 'muon' only")
+        return self
 
 
 class ScheduleConfig(Frozen):
@@ -61,6 +102,19 @@ class ScheduleConfig(Frozen):
             return cosine_between(ONE_CYCLE_START, 1.0, step / peak)
         peak = max(peak, 0.0)
         return cosine_between(1.0, self.final, (step - peak) / max(steps - 1 - peak, 1.0))
+
+
+class EarlyStoppingConfig(Frozen):
+    """Condition for stopping a training before its last epoch.
+
+    Attributes
+    ----------
+    patience : int
+        Number of consecutive epochs without a new smallest validation loss, after which the
+        training stops.
+    """
+
+    patience: int = Field(gt=0, le=10**6)
 
 
 def cosine_between(start: float, end: float, done: float) -> float:

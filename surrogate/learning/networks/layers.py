@@ -1,4 +1,4 @@
-"""Normalisation of the fields between the convolutions of a U-Net.
+"""Layers between convolutions and dense ones: activations by name, and normalisations.
 
 Batch normalisation (Ioffe and Szegedy 2015) takes the mean off the values of a batch and divides by
 their standard deviation; running means of both serve predictions. Over `channels`, every channel
@@ -14,6 +14,8 @@ from typing import Literal
 
 from torch import Tensor, nn
 
+Activation = Literal["relu", "gelu", "silu"]
+ACTIVATIONS: dict[Activation, type[nn.Module]] = {"relu": nn.ReLU, "gelu": nn.GELU, "silu": nn.SiLU}
 BatchNorm = bool | Literal["channels", "last_axis"]
 OVER_CHANNELS = {2: nn.BatchNorm2d, 3: nn.BatchNorm3d}
 

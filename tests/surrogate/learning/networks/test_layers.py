@@ -9,7 +9,7 @@ import torch
 from pydantic import ValidationError
 from torch import nn
 
-from surrogate.learning.networks.normalisation import LastAxisNorm
+from surrogate.learning.networks.layers import LastAxisNorm
 from surrogate.learning.networks.unet import UNet, UNetConfig, normalised_biases
 
 
