@@ -80,7 +80,6 @@ def run(options: argparse.Namespace) -> None:
     from shared_schema.common.atomic_file import require_writable
     from shared_schema.common.errors import NotCertifiedError
     from shared_schema.common.solution_file import require_suffix
-    from shared_schema.tools import contact_line
 
     require_suffix(options.out)
     require_writable(options.out)
@@ -111,6 +110,8 @@ def run(options: argparse.Namespace) -> None:
     for text, reaction in zip(options.held, reactions, strict=True):
         print(f"{text}: held by {','.join(f'{force:.6g}' for force in reaction)} N")
     if solution.contact is not None:
+        from shared_schema.tools import contact_line
+
         print(contact_line(solution.contact, solution.units))
     print(f"{options.out}: largest displacement {solution.largest}; {solution.summary()}")
     if solution.refusal is not None:

@@ -4,6 +4,7 @@
 `loading`              a network from a run folder, or from the package
 `surrogate`            a body and its predictor: `Surrogate`
 `solving`              what its `solve` does with a load
+`sought_forces`        forces of held places and of a tool
 `prediction`           displacements under loads, by a network or by the series of the body
 `solution`             what `solve` returns
 `training_range`       warnings about forces unlike those of the training

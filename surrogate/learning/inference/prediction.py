@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,11 +12,9 @@ from torch import Tensor
 from shared_schema.common.errors import InputError
 from surrogate.learning.models.batched_prediction import BatchedPrediction
 from surrogate.learning.models.kinds import RunConfig
-from surrogate.learning.models.series_model import SeriesModel
 from surrogate.learning.networks.field_network import FieldNetwork
 from surrogate.learning.networks.held_nodes import HeldNodes
 from surrogate.learning.networks.nodal_network import NodalNetwork
-from surrogate.learning.networks.reduced_at_nodes import ReducedAtNodes
 from surrogate.learning.probabilistic.distribution import Distribution
 from surrogate.learning.probabilistic.stochastic_passes import PASSES, Passes
 from surrogate.mechanics.descent.aim import Aim
@@ -23,6 +22,9 @@ from surrogate.mechanics.series.series_response import SeriesResponse
 from surrogate.mechanics.statics.body import Body, Remade
 from surrogate.mechanics.statics.load import Load, separated
 from surrogate.mechanics.statics.prediction import Series
+
+if TYPE_CHECKING:
+    from surrogate.learning.networks.reduced_at_nodes import ReducedAtNodes
 
 Array = NDArray[np.float64]
 
@@ -60,7 +62,7 @@ class Predictor(Remade):
     def series(self) -> Series | None:
         """The load series of the body at all of its points; None if the run's is not one."""
         run, linear = self._run, self._linear
-        if not isinstance(run, SeriesModel) or not isinstance(linear, SeriesResponse):
+        if run.learns or not isinstance(linear, SeriesResponse):
             return None
         return Series(self.body, terms=linear.series)
 
@@ -72,8 +74,11 @@ class Predictor(Remade):
     @cached_property
     def at_nodes(self) -> ReducedAtNodes | None:
         """A reduced network on the CPU that is not stochastic, or None."""
-        known = not self.passes.differ and ReducedAtNodes.fits(self.network)
-        return ReducedAtNodes(self.network) if known else None
+        if self.passes.differ or self._run.model != "reduced":
+            return None
+        from surrogate.learning.networks.reduced_at_nodes import ReducedAtNodes
+
+        return ReducedAtNodes(self.network) if ReducedAtNodes.fits(self.network) else None
 
     def respond(
         self, loads: Load | Array, pressure: ArrayLike | None = None

@@ -12,18 +12,17 @@ from numpy.typing import NDArray
 from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.keys.units import SI, Units
 from shared_schema.common.solution_file import write_solution
-from shared_schema.tools import contact_line
 from surrogate.learning.probabilistic.distribution import Distribution
 from surrogate.mechanics.body.geometry import Geometry
-from surrogate.mechanics.certify.certificate_protocol import ErrorCertificate
-from surrogate.mechanics.certify.correction import Correction
-from surrogate.mechanics.descent.descent import Descent
 from surrogate.mechanics.descent.driven_body import longest
 from surrogate.mechanics.descent.first_direction import exceeds_motion
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from surrogate.mechanics.certify.certificate_protocol import ErrorCertificate
+    from surrogate.mechanics.certify.correction import Correction
+    from surrogate.mechanics.descent.descent import Descent
     from surrogate.mechanics.touch.touch import TouchFrame
 
 Array = NDArray[np.float64]
@@ -289,6 +288,8 @@ class Solution:
             parts = ", ".join(f"{component:.4g}" for component in reaction)
             lines.append(f"held by ({parts}) {units.force}")
         if self.contact is not None:
+            from shared_schema.tools import contact_line
+
             lines.append(contact_line(self.contact, units))
         lines += [*self.notes, *(f"warning: {text}" for text in self.outside_training)]
         return "\n  ".join(lines)

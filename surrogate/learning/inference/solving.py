@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
-from typing import TYPE_CHECKING, Literal, TypeVar
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.common.bodies.command_loads import CommandLoads
 from shared_schema.common.bodies.displacement_size import size_warning
 from shared_schema.common.errors import InputError
-from shared_schema.tools import Tool, parse_tool
 from surrogate.learning.inference.prediction import certain
 from surrogate.learning.inference.solution import Solution, stiffened
 from surrogate.learning.probabilistic.distribution import Distribution
@@ -24,18 +21,15 @@ from surrogate.mechanics.body.stiffness import stiffness_factor
 from surrogate.mechanics.certify.certificate_protocol import LEVEL, ErrorCertificate
 from surrogate.mechanics.descent.aim import Aim, require_positive
 from surrogate.mechanics.statics.load import GivenLoad, Load, given_load
-from surrogate.mechanics.touch.grip import Grip, GripFrame, Held
-from surrogate.mechanics.touch.loaded_body import LoadedBody
-from surrogate.mechanics.touch.touch import Touch, TouchFrame
 
 if TYPE_CHECKING:
+    from shared_schema.tools import Tool
     from surrogate.learning.inference.surrogate import Surrogate
+    from surrogate.mechanics.touch.grip import GripFrame, Held
+    from surrogate.mechanics.touch.touch import TouchFrame
 
 Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)
-SINGLE = 1e-4  # tolerance of a contact that is no frame
-HELD = 1e-5  # of grips that are no frame
-F = TypeVar("F", GripFrame, TouchFrame)
 
 
 @dataclass(frozen=True)
@@ -97,7 +91,12 @@ def solved(model: Surrogate, load: GivenLoad, wanted: Wanted) -> Solution:
     given = given_load(model.geometry, load, wanted.nearest, wanted.body_force, needed=needed)
     factor = stiffness_factor(body.material, wanted.young_modulus)
     given.scale(1 / factor)
-    grip, contact = with_sought_forces(model, given, wanted)
+    grip: GripFrame | None = None
+    contact: TouchFrame | None = None
+    if wanted.held is not None or wanted.tool is not None:
+        from surrogate.learning.inference.sought_forces import with_sought_forces
+
+        grip, contact = with_sought_forces(model, given, wanted)
     force, acting = given.at_rest, Load.of(model.geometry, given)
     weighs = wanted.body_force is not None
     network, last_term = predicted(model, acting, force, wanted)
@@ -169,47 +168,6 @@ def solved(model: Surrogate, load: GivenLoad, wanted: Wanted) -> Solution:
         units=body.units,
     )
     return solution if wanted.young_modulus is None else stiffened(solution, factor)
-
-
-def with_sought_forces(
-    model: Surrogate, given: CommandLoads, wanted: Wanted
-) -> tuple[GripFrame | None, TouchFrame | None]:
-    """Add the forces of held places or of a tool to a load; return the frame that has them."""
-    tool = wanted.tool
-    if wanted.held is None and tool is None:
-        return None, None
-    loaded = LoadedBody.of(model, given)
-    if wanted.held is not None:
-        grip = Grip(model, wanted.held, wanted.nearest, tolerance=HELD)
-        given.notes += grip.notes
-        ways = partial(grip.move, grip.displacements), partial(grip.correct, grip.displacements)
-        held = shown(*ways, loaded, wanted)
-        nodes = len(given.forces)
-        given.forces += held.force[:nodes]
-        given.between[: len(held.force) - nodes] += held.force[nodes:]
-        return held, None
-    tool = parse_tool(tool, model.geometry.dimension) if isinstance(tool, str) else tool
-    assert tool is not None
-    touch = Touch(model, min(SINGLE, wanted.tolerance or SINGLE))
-    contact = shown(partial(touch.move, tool), partial(touch.correct, tool), loaded, wanted)
-    given.forces += np.where(model.geometry.held, 0.0, contact.force)
-    return None, contact
-
-
-def shown(
-    move: Callable[..., F], correct: Callable[[LoadedBody], F], loaded: LoadedBody, wanted: Wanted
-) -> F:
-    """Find forces by predictions; then by what the solution shows, if that is more.
-
-    That is the equilibrium of the finite elements together with what moves the body, or predictions
-    that directions drive to a relative tolerance.
-    """
-    frame = move(loaded)
-    if wanted.correct:
-        return correct(loaded)
-    if wanted.tolerance is None or frame.correction is not None:
-        return frame
-    return move(loaded, predict=loaded.driven(wanted.tolerance))
 
 
 def predicted(

@@ -16,14 +16,11 @@ from shared_schema.common.progress import Progress
 from surrogate.learning.models.model import Model
 from surrogate.learning.models.network_model import NetworkModel
 from surrogate.learning.networks.nodal_network import NodalNetwork
-from surrogate.learning.networks.reduced_network import ReducedNetwork
 from surrogate.learning.probabilistic.distribution import Distribution
 from surrogate.learning.probabilistic.drawn import Drawn, drawables, using
 from surrogate.learning.probabilistic.likelihoods import Prediction
 from surrogate.learning.probabilistic.moments import Moments
 from surrogate.learning.probabilistic.stochastic_passes import Passes
-from surrogate.mechanics.equilibrium.compliance import Compliance
-from surrogate.mechanics.series.series_response import SeriesResponse
 from surrogate.runtime.cuda_graphs import Replayed
 from surrogate.runtime.device import Precision, convolutions
 
@@ -129,6 +126,10 @@ class BatchedPrediction:
         device = self.network.network.free.device
         if device.type != "cuda" or not isinstance(self.config, NetworkModel):
             return False
+        from surrogate.learning.networks.reduced_network import ReducedNetwork
+        from surrogate.mechanics.equilibrium.compliance import Compliance
+        from surrogate.mechanics.series.series_response import SeriesResponse
+
         for module in self.network.modules():
             waits = isinstance(module, SeriesResponse)
             waits |= isinstance(module, ReducedNetwork) and module.equilibrium is not None

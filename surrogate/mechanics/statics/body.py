@@ -17,7 +17,6 @@ from shared_schema.common.arguments.real_numbers import real_numbers
 from shared_schema.common.bodies.force_tolerance import ForceTolerance
 from shared_schema.common.errors import InputError
 from shared_schema.common.keys.units import Units
-from shared_schema.dataset_reader import DatasetReader
 from shared_schema.grid import Grid, grid_arrays
 from shared_schema.materials import Materials, materials_of
 from surrogate.mechanics.body.elements_of_case import (
@@ -87,6 +86,8 @@ class Body(Remade):
         InputError
             If there is none, or a file is damaged.
         """
+        from shared_schema.dataset_reader import DatasetReader
+
         reader = DatasetReader(Path(folder))
         case, arrays = reader.manifest.case, reader.body
         if reader.manifest.kind == "nodal":
