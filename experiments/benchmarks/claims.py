@@ -35,9 +35,9 @@ from experiments.framework.counted_networks import add_counted_networks, over_ne
 from experiments.framework.kept_rows import Row, add_rows_option, kept_rows
 from experiments.framework.report import table_of
 from shared_schema.common import Parser, WorkError
+from surrogate.mechanics import Load
 from surrogate.mechanics.certify import iterated
 from surrogate.mechanics.descent import Aim
-from surrogate.mechanics.statics.load import Load
 
 Array = NDArray[np.float64]
 NETWORKS = ["beam2d_any:1000", "lshape2d_any:1000", "breast3d:100"]

@@ -43,8 +43,8 @@ from experiments.framework.timing import timed
 from shared_schema.common import Parser, WorkError
 from surrogate.learning.inference import drawn_loads, separated
 from surrogate.learning.measures import node_errors
+from surrogate.mechanics import Load
 from surrogate.mechanics.descent import Aim
-from surrogate.mechanics.statics.load import Load
 
 Array = NDArray[np.float64]
 NETWORKS = ["beam3d_any:400", "finger3d:20", "beam2d_any:800", "lshape2d_any:800"]
