@@ -1,5 +1,7 @@
 /** Colour fields of the body: what they are called, and their colours from zero to the largest value. */
 
+import { digits, lengthUnit, unitOf } from "./units";
+
 export type FieldName = "displacement" | "epistemic" | "aleatoric" | "error";
 
 export interface ColourField {
@@ -43,5 +45,14 @@ export function scale(palette: readonly string[]): (part: number, out: Rgb) => v
     for (let i = 0; i < 3; i++) {
       out[i] = stops[low][i] + (at - low) * (stops[low + 1][i] - stops[low][i]);
     }
+  };
+}
+
+/** Title of the colour bar of a field whose largest value is given in m, and numbers along it. */
+export function bar(field: FieldName, largest: number): { title: string; ticks: string[] } {
+  const [factor, unit] = unitOf(largest, lengthUnit());
+  return {
+    title: `${COLOUR_FIELDS[field].label} in ${unit}`,
+    ticks: [0, 0.5, 1].map((part) => digits((part * largest) / factor)),
   };
 }

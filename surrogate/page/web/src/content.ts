@@ -1,6 +1,7 @@
 /** What `surrogate page` has written into the file: the body, the network, onnxruntime's WebAssembly. */
 
-import type { Body, Rows } from "./mechanics/messages";
+import type { Body, Rows } from "./mechanics/body";
+import { at } from "./mechanics/vectors";
 import type { TrainingRange } from "./training_range";
 
 /** What `surrogate/page/page.py` has written: plain data, and arrays. */
@@ -22,13 +23,10 @@ interface Written {
   largest: number[];
   /** Radius in m of the patch that a dragged force is spread over; 0 for a force on a node. */
   patch: number;
-  /** Largest components of the body force in N/m³; null for a case without one. */
-  density: number[] | null;
   /** Nodes of a large body that can be touched, whose unit loads its network knows; null for all. */
   places: number[] | null;
-  /** Surfaces that pressures follow, by their groups, and the largest pressures of the case in Pa. */
+  /** Surfaces that pressures follow, by their groups. */
   pressed: string[];
-  largestPressures: number[];
   passes: number | null;
   /** Young's modulus at rest in Pa; null for a body of several materials, or of unknown ones. */
   youngModulus: number | null;
@@ -41,6 +39,7 @@ interface Written {
   cells: Int32Array;
   /** (nodes, d), components that supports hold. */
   held: Uint8Array;
+  /** Nodes that were loaded in training. */
   loadable: Uint8Array;
   /** Node of every vertex of the triangles. */
   vertices: Int32Array;
@@ -67,11 +66,14 @@ export interface Content extends Written {
   d: number;
   nodes: number;
   /** Nodes that do not move at all. */
-  clamped: Uint8Array;
+  clamped: boolean[];
   /** The body of the linear response, or of the series. */
   responding: Body | null;
   certified: boolean;
-  trained: TrainingRange;
+  /** The loads of the training; null for a series, which has none. */
+  trained: TrainingRange | null;
+  /** Coordinates of a node in m. */
+  place: (node: number) => number[];
 }
 
 const VIEWS = { float64: Float64Array, int32: Int32Array, uint8: Uint8Array } as const;
@@ -84,29 +86,20 @@ export async function readContent(): Promise<Content> {
     const length = shape.reduce((product, n) => product * n, 1);
     put(written, path, new VIEWS[type](block, offset, length));
   }
-  const { held, loadable, limit, largest, loads, spread } = written;
+  const { body, coordinates, held, spread } = written;
   const [nodes, d] = written.arrays.coordinates.shape;
-  const responding = written.response ?? written.body;
-  const trained = { limit, largest, loadable, loads };
-  if (written.series) {
-    const none = limit.map(() => Infinity);
-    Object.assign(trained, {
-      limit: none,
-      largest: none,
-      loadable: loadable.map(() => 1),
-      loads: null,
-    });
-  }
+  const responding = written.response ?? body;
   return {
     ...written,
     nodes,
     d,
-    clamped: loadable.map((_, node) =>
-      Number(held.subarray(node * d, (node + 1) * d).every(Boolean)),
+    clamped: Array.from({ length: nodes }, (_, node) =>
+      held.subarray(node * d, node * d + d).every(Boolean),
     ),
     responding: responding && { ...responding, ...(spread && { spread }) },
-    certified: written.body !== null,
-    trained,
+    certified: body !== null,
+    trained: written.series > 0 ? null : written,
+    place: (node) => [...at(coordinates, node, d)],
   };
 }
 
@@ -114,9 +107,9 @@ export async function readContent(): Promise<Content> {
 export function put(into: object, path: string, value: unknown): void {
   const names = path.split("/");
   const last = names.pop()!;
-  let at = into as Record<string, object>;
-  for (const name of names) at = (at[name] ??= {}) as Record<string, object>;
-  Object.assign(at, { [last]: value });
+  let part = into as Record<string, object>;
+  for (const name of names) part = (part[name] ??= {}) as Record<string, object>;
+  Object.assign(part, { [last]: value });
 }
 
 /** Read and unpack the bytes of an element, base64 of a gzip file. */
@@ -126,14 +119,12 @@ export async function bytes(id: string): Promise<Uint8Array<ArrayBuffer>> {
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 
-function element(id: string): Element & { textContent: string } {
-  return document.getElementById(id) as unknown as Element & { textContent: string };
+function element(id: string): { textContent: string } {
+  return document.getElementById(id) as unknown as { textContent: string };
 }
 
 function fromBase64(text: string): Uint8Array<ArrayBuffer> {
-  const modern = Uint8Array as unknown as {
-    fromBase64?: (text: string) => Uint8Array<ArrayBuffer>;
-  };
+  const modern = Uint8Array as { fromBase64?: (text: string) => Uint8Array<ArrayBuffer> };
   if (modern.fromBase64) return modern.fromBase64(text);
   return Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
 }

@@ -4,6 +4,8 @@ import { ceiling, digits, forceUnit, lengthUnit, unitOf } from "./units";
 
 const QUANTILE = 1.96; // of the normal distribution, for 95 %
 const MOST = 2000; // points
+const LEFT = 62; // pixels beside the plot, for numbers
+const [TOP, RIGHT, BOTTOM] = [16, 12, 30];
 
 interface Point {
   force: number;
@@ -41,73 +43,44 @@ export class Curve {
     const reach = points.map((p) => p.displacement + QUANTILE * (p.deviation ?? 0));
     const mostForce = ceiling(Math.max(0, ...points.map((p) => p.force)));
     const mostLength = ceiling(Math.max(0, ...reach));
-    const frame = { left: 62, top: 16, right: width - 12, bottom: height - 30 };
-    const x = (force: number): number =>
-      frame.left + (force / mostForce) * (frame.right - frame.left);
+    const x = (force: number): number => LEFT + (force / mostForce) * (width - RIGHT - LEFT);
     const y = (length: number): number =>
-      frame.bottom - (Math.max(length, 0) / mostLength) * (frame.bottom - frame.top);
-    axes(context, frame, mostForce, mostLength, points.length > 0);
-    context.strokeStyle = "rgba(43, 112, 159, 0.28)";
-    context.lineWidth = 3;
-    for (const { force, displacement, deviation } of points) {
-      if (deviation === null) continue;
+      height - BOTTOM - (Math.max(length, 0) / mostLength) * (height - BOTTOM - TOP);
+    const line = (colour: string, width: number, ...ends: [number, number][]): void => {
+      context.strokeStyle = colour;
+      context.lineWidth = width;
       context.beginPath();
-      context.moveTo(x(force), y(displacement - QUANTILE * deviation));
-      context.lineTo(x(force), y(displacement + QUANTILE * deviation));
+      for (const [force, length] of ends) context.lineTo(x(force), y(length));
       context.stroke();
+    };
+
+    context.fillStyle = "#465160";
+    context.font = "12px system-ui, sans-serif";
+    const [newtons, forceLabel] = unitOf(mostForce, forceUnit());
+    const [metres, lengthLabel] = unitOf(mostLength, lengthUnit());
+    for (const part of [0, 0.5, 1]) {
+      const [force, length] = [part * mostForce, part * mostLength];
+      line("#e2e6eb", 1, [force, 0], [force, mostLength]);
+      line("#e2e6eb", 1, [0, length], [mostForce, length]);
+      if (points.length === 0) continue;
+      const [end, after] = part === 1 ? [` ${forceLabel}`, 8] : ["", 0];
+      context.textAlign = part === 1 ? "right" : "center";
+      context.fillText(digits(force / newtons) + end, x(force) + after, height - BOTTOM + 17);
+      context.textAlign = "right";
+      const unit = part === 1 ? ` ${lengthLabel}` : "";
+      context.fillText(digits(length / metres) + unit, LEFT - 6, y(length) + 4);
     }
-    context.strokeStyle = "#1f5f8b";
-    context.lineWidth = 1.75;
-    context.beginPath();
-    for (const { force, displacement } of points) context.lineTo(x(force), y(displacement));
-    context.stroke();
+    for (const { force, displacement, deviation } of points) {
+      const half = QUANTILE * (deviation ?? 0);
+      if (deviation !== null)
+        line("#2b709f47", 3, [force, displacement - half], [force, displacement + half]);
+    }
+    line("#1f5f8b", 1.75, ...points.map((p): [number, number] => [p.force, p.displacement]));
     const last = points.at(-1);
     if (!last) return;
     context.fillStyle = "#c2410c";
     context.beginPath();
     context.arc(x(last.force), y(last.displacement), 4, 0, 2 * Math.PI);
     context.fill();
-  }
-}
-
-interface Frame {
-  left: number;
-  top: number;
-  right: number;
-  bottom: number;
-}
-
-function axes(
-  context: CanvasRenderingContext2D,
-  frame: Frame,
-  mostForce: number,
-  mostLength: number,
-  labelled: boolean,
-): void {
-  context.strokeStyle = "#e2e6eb";
-  context.fillStyle = "#465160";
-  context.font = "12px system-ui, sans-serif";
-  const [forceFactor, forceLabel] = unitOf(mostForce, forceUnit());
-  const [lengthFactor, lengthLabel] = unitOf(mostLength, lengthUnit());
-  for (const part of [0, 0.5, 1]) {
-    const across = frame.left + part * (frame.right - frame.left);
-    const up = frame.bottom - part * (frame.bottom - frame.top);
-    context.beginPath();
-    context.moveTo(across, frame.top);
-    context.lineTo(across, frame.bottom);
-    context.moveTo(frame.left, up);
-    context.lineTo(frame.right, up);
-    context.stroke();
-    if (!labelled) continue;
-    context.textAlign = part === 1 ? "right" : "center";
-    const last = part === 1 ? ` ${forceLabel}` : "";
-    context.fillText(
-      digits((part * mostForce) / forceFactor) + last,
-      across + (last ? 8 : 0),
-      frame.bottom + 17,
-    );
-    context.textAlign = "right";
-    const unit = part === 1 ? ` ${lengthLabel}` : "";
-    context.fillText(digits((part * mostLength) / lengthFactor) + unit, frame.left - 6, up + 4);
   }
 }

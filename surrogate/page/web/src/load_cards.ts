@@ -1,11 +1,13 @@
 /** A card for every load: its place, its components and size to type in, its removal. */
 
-import { bind, find } from "./panel";
-import { size, type Load } from "./loads";
+import { bind, find, onClick } from "./elements";
+import type { Load } from "./loads";
+import { norm } from "./mechanics/vectors";
 import type { State } from "./state";
-import { isBeyond } from "./training_range";
 import { place } from "./units";
 import { loadableNodes } from "./view/body_mesh";
+
+const DEGREE = Math.PI / 180;
 
 /** A card, and what brings it up to date. */
 interface Card {
@@ -14,7 +16,6 @@ interface Card {
 }
 
 export class LoadCards {
-  private readonly list = find("#loads");
   private readonly cards = new Map<Load, Card>();
 
   constructor(
@@ -22,19 +23,19 @@ export class LoadCards {
     private readonly changed: () => void,
   ) {
     const { loads, content } = state;
-    find("#remove-all").addEventListener("click", () => {
+    onClick(find("#remove-all"), () => {
       loads.clear();
       state.put(null);
       changed();
     });
     // a choice of nodes for those who do not use a pointer
-    const nodes = find("#nodes") as HTMLSelectElement;
+    const nodes = find<HTMLSelectElement>("#nodes");
     for (const node of loadableNodes(content)) nodes.add(new Option(this.at(node), String(node)));
     nodes.addEventListener("change", () => {
       if (nodes.value === "") return;
       const load = loads.at(Number(nodes.value));
       const half = Number((content.largest.at(-1)! / 2).toPrecision(2));
-      if (size(load.force) === 0) load.force = downwards(content.d).map((part) => part * half);
+      if (norm(load.force) === 0) load.force[content.d - 1] = -half;
       nodes.value = "";
       changed();
     });
@@ -44,50 +45,46 @@ export class LoadCards {
   update(): void {
     const { loads, content, tool, isLoaded } = this.state;
     const { all, selected } = loads;
-    for (const [load, card] of this.cards) {
+    for (const [load, { element }] of this.cards) {
       if (all.includes(load)) continue;
-      card.element.remove();
+      element.remove();
       this.cards.delete(load);
     }
     find("#no-load").hidden = all.length > 0;
-    (find("#remove-all") as HTMLButtonElement).disabled = !isLoaded && all.length === 0 && !tool;
+    find<HTMLButtonElement>("#remove-all").disabled = !isLoaded && all.length === 0 && !tool;
     all.forEach((load, number) => {
-      const card = this.cards.get(load) ?? this.card(load);
+      const { element, shown } = this.cards.get(load) ?? this.card(load);
       const where = `${content.patches ? "Patch about" : "Node"} ${this.at(load.node)}`;
-      card.element.querySelector(".name")!.textContent =
-        `${number + 1}: ${where}${load.held ? ", held" : ""}`;
-      card.element.classList.toggle("selected", load === selected);
-      const { largest, loadable } = content.trained;
-      const isBeyondTraining = isBeyond(load.force, largest) || !loadable[load.node];
-      card.element.classList.toggle("beyond", isBeyondTraining);
-      for (const show of card.shown) show();
+      find(".name", element).textContent = `${number + 1}: ${where}${load.held ? ", held" : ""}`;
+      element.classList.toggle("selected", load === selected);
+      element.classList.toggle("beyond", this.state.isDoubtful(load));
+      for (const show of shown) show();
     });
   }
 
   private card(load: Load): Card {
-    const { loads, content } = this.state;
-    const template = (find("#load") as HTMLTemplateElement).content.firstElementChild!;
-    const made = template.cloneNode(true) as HTMLElement;
-    const direction = (): number[] =>
-      size(load.force) > 0 ? load.force.map((f) => f / size(load.force)) : downwards(content.d);
-    const numbers: [() => number, (value: number) => void][] = load.force.map((_, i) => [
+    const { loads } = this.state;
+    const template = find<HTMLTemplateElement>("#load").content;
+    const element = template.firstElementChild!.cloneNode(true) as HTMLElement;
+    const components = load.force.map((_, i): [() => number, (value: number) => void] => [
       () => load.force[i],
       (value) => (load.force[i] = value),
     ]);
-    numbers.push(
-      [
-        () => size(load.force),
-        (value) => (load.force = direction().map((part) => part * Math.abs(value))),
-      ],
-      [
-        () => (Math.atan2(load.force[1], load.force[0]) * 180) / Math.PI,
-        (value) => {
-          const [length, angle] = [size(load.force), (value * Math.PI) / 180];
-          load.force = [length * Math.cos(angle), length * Math.sin(angle)];
-        },
-      ],
-    );
-    const shown = [...made.querySelectorAll("input")].map((input, i) => {
+    const size = (value: number): void => {
+      const before = norm(load.force);
+      if (before === 0) load.force[load.force.length - 1] = -Math.abs(value);
+      else load.force = load.force.map((part) => (part / before) * Math.abs(value));
+    };
+    const turn = (angle: number): void => {
+      const length = norm(load.force);
+      load.force = [length * Math.cos(angle * DEGREE), length * Math.sin(angle * DEGREE)];
+    };
+    const numbers = [
+      ...components,
+      [() => norm(load.force), size] as const,
+      [() => Math.atan2(load.force[1], load.force[0]) / DEGREE, turn] as const,
+    ];
+    const shown = [...element.querySelectorAll("input")].map((input, i) => {
       const [read, write] = numbers[i];
       return bind(input, read, (value) => {
         loads.selected = load;
@@ -96,28 +93,22 @@ export class LoadCards {
         this.changed();
       });
     });
-    const [name, cross] = made.querySelectorAll("button");
-    name.addEventListener("click", () => {
+    const [name, cross] = element.querySelectorAll("button");
+    onClick(name, () => {
       loads.selected = load;
       this.changed();
     });
-    cross.addEventListener("click", () => {
+    onClick(cross, () => {
       loads.remove(load);
       this.changed();
     });
-    const card = { element: made, shown };
+    const card = { element, shown };
     this.cards.set(load, card);
-    this.list.append(made);
+    find("#loads").append(element);
     return card;
   }
 
   private at(node: number): string {
-    const { coordinates, d } = this.state.content;
-    return place(coordinates.subarray(node * d, node * d + d));
+    return place(this.state.content.place(node));
   }
-}
-
-/** Unit vector against the last axis. */
-function downwards(d: number): number[] {
-  return Array.from({ length: d }, (_, i) => (i === d - 1 ? -1 : 0));
 }

@@ -1,55 +1,30 @@
 /** The panel beside the body, which `surrogate/page/page.html.j2` writes: its inputs and texts. */
 
-import { COLOUR_FIELDS, type FieldName } from "./colours";
+import { bar, COLOUR_FIELDS, type FieldName } from "./colours";
+import { predictCommand } from "./command";
 import { Curve } from "./curve";
-import { predictCommand, size } from "./loads";
+import { bind, element, find, inputs, onClick } from "./elements";
 import { LoadCards } from "./load_cards";
-import { largest, lengths } from "./mechanics/vectors";
+import { norm } from "./mechanics/vectors";
+import type { Kind } from "./save";
 import type { Gesture, State } from "./state";
 import { asForce, asLength, digits, forceUnit, lengthUnit, place, typed, unitOf } from "./units";
 
-const TOLERANCE = 1e-4; // of the largest displacement, of the command of a series
-const LARGE_SHARE = 0.1; // of the displacement, of an estimated error that is shown in red
 const PASTED = 2000; // ms that a button says so
 
 /** What the panel asks of the page. */
 export interface Actions {
-  /** Loads or colours have changed. */
-  changed: (what: "loads" | "field") => void;
-  save: (kind: "png" | "csv" | "npz") => void;
-}
-
-/** An element of the page. */
-export function find(selector: string): HTMLElement {
-  return document.querySelector<HTMLElement>(selector)!;
-}
-
-/** Inputs of a selector; those of sliders stand in pairs, the slider first. */
-function inputs(selector: string): HTMLInputElement[] {
-  return [...document.querySelectorAll<HTMLInputElement>(`${selector} input`)];
-}
-
-/** Listen to an input of finite numbers; the function that shows what it stands for. */
-export function bind(
-  input: HTMLInputElement,
-  read: () => number,
-  write: (value: number) => void,
-): () => void {
-  input.addEventListener("input", () => {
-    if (Number.isFinite(input.valueAsNumber)) write(input.valueAsNumber);
-  });
-  const show = (): void => {
-    if (document.activeElement !== input) input.value = typed(read());
-  };
-  input.addEventListener("blur", show);
-  return show;
+  /** Loads have changed. */
+  changed: () => void;
+  recoloured: () => void;
+  save: (kind: Kind) => void;
 }
 
 export class Panel {
   readonly stage = find("#stage");
-  readonly canvas = find("#stage canvas") as HTMLCanvasElement;
+  readonly canvas = find<HTMLCanvasElement>("#stage canvas");
   readonly labels = find("#labels");
-  readonly curve = new Curve(find("#curve") as HTMLCanvasElement);
+  readonly curve = new Curve(find("#curve"));
   private readonly cards: LoadCards;
   private readonly shown: (() => void)[] = [];
 
@@ -58,50 +33,59 @@ export class Panel {
     private readonly actions: Actions,
   ) {
     const { loads, content } = state;
-    const changed = (): void => {
-      actions.changed("loads");
+    this.cards = new LoadCards(state, actions.changed);
+    const bound = (
+      input: HTMLInputElement,
+      read: () => number,
+      write: (value: number) => void,
+    ): void => {
+      const written = (value: number): void => {
+        write(value);
+        actions.changed();
+      };
+      this.shown.push(bind(input, read, written));
     };
-    this.cards = new LoadCards(state, changed);
     const sliders: [string, number[]][] = [
       ["#body-force", loads.body.force],
       ["#pressures", loads.pressures],
     ];
     for (const [selector, values] of sliders) {
       inputs(selector).forEach((input, i) => {
-        const write = (value: number): void => {
-          values[i >> 1] = value;
-          changed();
-        };
-        this.shown.push(bind(input, () => values[i >> 1], write));
+        bound(
+          input,
+          () => values[i >> 1],
+          (value) => (values[i >> 1] = value),
+        );
       });
     }
     const modulus = content.youngModulus ?? 1;
-    const stiffen = (stiffness: number): void => {
-      if (stiffness > 0) state.stiffness = stiffness;
-      changed();
+    const stiffen = (value: number): void => {
+      if (value > 0) state.stiffness = value / modulus;
     };
-    inputs("#stiffness").forEach((input, i) => {
-      const isSlider = i === 0;
-      const read = (): number =>
-        isSlider ? Math.log10(state.stiffness) : modulus * state.stiffness;
-      const slid = (decades: number): number =>
-        decades === 0 ? 1 : Number(typed(10 ** decades * modulus)) / modulus;
-      this.shown.push(
-        bind(input, read, (value) => {
-          stiffen(isSlider ? slid(value) : value / modulus);
-        }),
+    const [decades, pascals] = inputs("#stiffness");
+    if (content.youngModulus) {
+      const slid = (value: number): number => Number(typed(10 ** value * modulus));
+      bound(
+        decades,
+        () => Math.log10(state.stiffness),
+        (value) => {
+          stiffen(value === 0 ? modulus : slid(value));
+        },
       );
-    });
-    const resize = (radius: number): void => {
-      if (radius > 0) state.radius = radius;
-      if (state.tool) remove();
-    };
-    const remove = (): void => {
+      bound(pascals, () => modulus * state.stiffness, stiffen);
+    }
+    bound(
+      find("#radius"),
+      () => state.radius,
+      (radius) => {
+        if (radius > 0) state.radius = radius;
+        state.put(null);
+      },
+    );
+    onClick(find("#take-away"), () => {
       state.put(null);
-      changed();
-    };
-    this.shown.push(bind(find("#radius") as HTMLInputElement, () => state.radius, resize));
-    find("#take-away").addEventListener("click", remove);
+      actions.changed();
+    });
     for (const input of inputs("section:first-of-type [role=radiogroup]")) {
       input.addEventListener("change", () => {
         state.gesture = input.value as Gesture;
@@ -109,9 +93,9 @@ export class Panel {
       });
     }
     find("#colours").append(...state.choices.map((name) => this.choice(name)));
-    find("#copy").addEventListener("click", copy);
+    onClick(find("#copy"), copy);
     for (const kind of ["png", "csv", "npz"] as const) {
-      find(`#save-${kind}`).addEventListener("click", () => {
+      onClick(find(`#save-${kind}`), () => {
         actions.save(kind);
       });
     }
@@ -126,12 +110,7 @@ export class Panel {
   update(most: number): void {
     const { state } = this;
     const { content, loads } = state;
-    const warnings = [...state.warnings().values()];
-    this.stage.classList.toggle("outside", warnings.length > 0);
-    const texts = warnings.map((text) => `${text}: the prediction may be wrong.`);
-    const shown = find("#warnings");
-    if (texts.join() !== Array.from(shown.children, (p) => p.textContent).join())
-      shown.replaceChildren(...texts.map((text) => element("p", text)));
+    this.updateWarnings();
     this.cards.update();
     for (const show of this.shown) show();
     this.updateTool();
@@ -139,21 +118,31 @@ export class Panel {
     this.updateBar(most);
     if (content.certified) this.updateEstimate();
     this.updateReadout();
-    const { run, series, certified, youngModulus } = content;
-    const { tool, stiffness } = state;
-    find("#command").textContent = state.isLoaded
-      ? predictCommand(run, loads, content, {
-          tool,
-          modulus: youngModulus && stiffness !== 1 ? youngModulus * stiffness : null,
-          tolerance: series > 0 && certified ? TOLERANCE : null,
-        })
-      : "Set a load first.";
+    find("#command").textContent = state.isLoaded ? predictCommand(state) : "Set a load first.";
     const node = loads.selected?.node;
     const band = content.passes !== null || Object.keys(content.deviations).length > 0;
     find("#curve-title").textContent =
       node === undefined
         ? "Drag a load to see the curve of its node."
         : `Node at ${this.placeOf(node)}${band ? ", with its 95 % band" : ""}`;
+  }
+
+  /** How the loads leave the training; where it is small, the estimated error in place of that. */
+  private updateWarnings(): void {
+    const { estimate } = this.state;
+    const warnings = [...this.state.warnings().values()];
+    const isWarned = warnings.length > 0 && estimate?.isBad !== false;
+    const texts = warnings.map((text) => `${text}: the prediction may be wrong.`);
+    if (warnings.length > 0 && !isWarned)
+      texts.splice(
+        0,
+        Infinity,
+        `Unlike the training: estimated error ${percent(estimate!.share)}.`,
+      );
+    this.stage.classList.toggle("outside", isWarned);
+    const shown = find("#warnings");
+    if (texts.join() !== Array.from(shown.children, (p) => p.textContent).join())
+      shown.replaceChildren(...texts.map((text) => element("p", text)));
   }
 
   /** What the sphere does. */
@@ -163,54 +152,49 @@ export class Panel {
     find("#tool").hidden = gesture !== "push" && !tool;
     reading.hidden = !tool;
     const force = this.state.reaction();
-    const [factor] = unitOf(size(force), forceUnit());
+    const [factor] = unitOf(norm(force), forceUnit());
     const count = loads.contacts.length;
     const nodes = `${count} node${count === 1 ? "" : "s"}`;
+    const components = place(force.map((value) => value / factor));
     reading.textContent =
       count === 0
         ? "The sphere touches nothing."
-        : `The sphere pushes by ${asForce(size(force))}, ${place(force.map((value) => value / factor))}, on ${nodes}.`;
+        : `The sphere pushes by ${asForce(norm(force))}, ${components}, on ${nodes}.`;
   }
 
   private updateBar(most: number): void {
-    const { label, palette } = COLOUR_FIELDS[this.state.field];
-    const [factor, unit] = unitOf(most, lengthUnit());
+    const { field } = this.state;
+    const { label, palette } = COLOUR_FIELDS[field];
+    const { title, ticks } = bar(field, most);
     const isShown = this.state.values() !== null;
-    find("#bar .name").textContent = isShown
-      ? `${label} in ${unit}`
-      : `${label}: ${this.missing()}`;
+    find("#bar .name").textContent = isShown ? title : `${label}: ${this.missing()}`;
     find("#bar .ramp").hidden = !isShown;
     find("#bar .ramp").style.background = ramp(palette);
     document.querySelectorAll("#bar span").forEach((tick, i) => {
-      tick.textContent = isShown ? digits(((i / 2) * most) / factor) : "";
+      tick.textContent = isShown ? ticks[i] : "";
     });
   }
 
   /** Why there are no values of the chosen field. */
   private missing(): string {
-    if (!this.state.isLoaded) return "no load";
-    if (this.state.field !== "error" || !this.state.fields) return "computing …";
-    return this.state.certificate ? "none" : "computing …";
+    const { isLoaded, field, fields, certificate } = this.state;
+    if (!isLoaded) return "no load";
+    return field === "error" && fields && certificate ? "none" : "computing …";
   }
 
   private updateEstimate(): void {
-    const { certificate, fields, content } = this.state;
-    let text = "Set a load first.";
-    let isBad = certificate !== null && !certificate.settled;
-    if (fields && !certificate) text = "Computing …";
+    const { certificate, fields, estimate } = this.state;
+    let text = fields ? "Computing …" : "Set a load first.";
     if (certificate?.inverted) {
       text = `None: the prediction turns ${certificate.inverted} elements inside out.`;
-    } else if (certificate?.error && fields) {
-      const most = largest(lengths(certificate.error, content.d));
-      const share = most / (largest(lengths(fields.displacement, content.d)) || 1);
-      const numbers = `${asLength(most, 2)} at most, ${digits(100 * share, 2)} % of the largest displacement`;
-      isBad ||= share > LARGE_SHARE;
-      text = certificate.settled ? numbers : `Not reliable, as no equilibrium is near: ${numbers}`;
+    } else if (certificate && estimate) {
+      text = `${asLength(estimate.most, 2)} at most, ${percent(estimate.share)}`;
+      if (!certificate.settled) text = `Not reliable, as no equilibrium is near: ${text}`;
     } else if (certificate) {
       text = "None: the forces of the prediction are no finite numbers.";
     }
     find("#estimate").textContent = text;
-    find("#estimate").classList.toggle("bad", isBad);
+    find("#estimate").classList.toggle("bad", certificate !== null && estimate?.isBad !== false);
   }
 
   private updateReadout(): void {
@@ -224,13 +208,11 @@ export class Panel {
     const rows: [string, string][] = [
       ["Place", this.placeOf(node)],
       ...u.map((value, i): [string, string] => [`u${"xyz"[i]}`, asLength(value, 4)]),
-      ["|u|", asLength(size(u), 4)],
+      ["|u|", asLength(norm(u), 4)],
     ];
     for (const name of state.choices.slice(1)) {
-      const { d } = state.content;
-      const vectors = state.vectors(name);
-      const vector = vectors && Array.from({ length: d }, (_, i) => vectors[node * d + i]);
-      rows.push([COLOUR_FIELDS[name].label, vector ? asLength(size(vector)) : "–"]);
+      const vector = state.vectorAt(name, node);
+      rows.push([COLOUR_FIELDS[name].label, vector ? asLength(norm(vector)) : "–"]);
     }
     find("#readout").replaceChildren(
       ...rows.flatMap(([term, text]) => [element("dt", term), element("dd", text)]),
@@ -238,8 +220,7 @@ export class Panel {
   }
 
   private placeOf(node: number): string {
-    const { coordinates, d } = this.state.content;
-    return `${place(coordinates.subarray(node * d, node * d + d), 4)} ${lengthUnit()}`;
+    return `${place(this.state.content.place(node), 4)} ${lengthUnit()}`;
   }
 
   /** The choice of a colour field. */
@@ -250,7 +231,7 @@ export class Panel {
     input.checked = this.state.field === name;
     input.addEventListener("change", () => {
       this.state.field = name;
-      this.actions.changed("field");
+      this.actions.recoloured();
     });
     sample.style.background = ramp(palette);
     row.append(input, sample, label);
@@ -258,22 +239,17 @@ export class Panel {
   }
 }
 
+function percent(share: number): string {
+  return `${digits(100 * share, 2)} % of the largest displacement`;
+}
+
 function ramp(palette: readonly string[]): string {
   return `linear-gradient(90deg, ${palette.join(", ")})`;
 }
 
-/** Make an element with a text. */
-export function element<K extends keyof HTMLElementTagNameMap>(
-  tag: K,
-  text = "",
-  name = "",
-): HTMLElementTagNameMap[K] {
-  return Object.assign(document.createElement(tag), { textContent: text, className: name });
-}
-
 /** Copy the command, or select it where that is not allowed. */
-function copy({ target }: Event): void {
-  const [button, command] = [target as HTMLButtonElement, find("#command")];
+function copy(): void {
+  const [button, command] = [find("#copy"), find("#command")];
   window.getSelection()?.selectAllChildren(command);
   void navigator.clipboard.writeText(command.textContent).then(
     () => (button.textContent = "Copied"),

@@ -1,28 +1,42 @@
 /** Files of what the page shows: a picture, a table, arrays. */
 
-import { zipSync } from "fflate";
-import { COLOUR_FIELDS } from "./colours";
-import { asForce, digits, forceUnit, lengthUnit, place, unitOf } from "./units";
-import { size } from "./loads";
+import { zipSync, type Zippable } from "fflate";
+import { bar, COLOUR_FIELDS } from "./colours";
+import { norm } from "./mechanics/vectors";
 import type { State } from "./state";
+import { asForce, forceUnit, lengthUnit, place } from "./units";
+import type { Scene } from "./view/scene";
+
+export type Kind = "png" | "csv" | "npz";
+
+/** Let the browser save a file. */
+export async function save(kind: Kind, state: State, scene: Scene): Promise<void> {
+  const link = document.createElement("a");
+  const makers = { png: asPng, csv: asCsv, npz: asNpz };
+  link.href = URL.createObjectURL(await makers[kind](state, scene));
+  link.download = `${state.content.case}.${kind}`;
+  link.click();
+  setTimeout(() => {
+    URL.revokeObjectURL(link.href);
+  }, 10_000);
+}
 
 /** Nodal vectors, (nodes · d), by their names in solution files. */
 function solution(state: State): Record<string, Float64Array> {
   const { content, loads, fields, certificate } = state;
-  const rest = new Float64Array(content.nodes * content.d);
-  const found: Record<string, Float64Array> = {
+  const named = { displacement: new Float64Array(content.coordinates.length), ...fields };
+  return {
     coordinates: content.coordinates,
     force: loads.nodal(),
-    displacement: rest,
+    ...Object.fromEntries(
+      Object.entries(named).map(([name, values]) => [name, Float64Array.from(values)]),
+    ),
+    ...(certificate?.error && { estimated_error: certificate.error }),
   };
-  for (const [name, values] of Object.entries(fields ?? {}))
-    found[name] = Float64Array.from(values);
-  if (certificate?.error) found.estimated_error = certificate.error;
-  return found;
 }
 
 /** A table with a row for every node: places, forces in N, fields in m. */
-export function asCsv(state: State): Blob {
+function asCsv(state: State): Blob {
   const { nodes, d } = state.content;
   const arrays = Object.entries(solution(state));
   const axes = ["x", "y", "z"].slice(0, d);
@@ -36,13 +50,13 @@ export function asCsv(state: State): Blob {
 }
 
 /** NumPy's archive, with the arrays of `surrogate predict --out FILE.npz`. */
-export function asNpz(state: State): Blob {
+function asNpz(state: State): Blob {
   const { nodes, d } = state.content;
-  const files: Record<string, Uint8Array> = {};
-  for (const [name, values] of Object.entries(solution(state))) {
-    files[`${name}.npy`] = npy(values, [nodes, d]);
-  }
-  return new Blob([zipSync(files, { level: 0 })]);
+  const files = Object.entries(solution(state)).map(([name, values]) => [
+    `${name}.npy`,
+    npy(values, [nodes, d]),
+  ]);
+  return new Blob([zipSync(Object.fromEntries(files) as Zippable, { level: 0 })]);
 }
 
 /** NumPy's format 1.0 of an array in double precision. */
@@ -58,68 +72,46 @@ function npy(values: Float64Array, shape: number[]): Uint8Array {
 }
 
 /** The body as it is drawn, with colour bar and loads. */
-export function asPng(state: State, drawn: HTMLCanvasElement, largest: number): Promise<Blob> {
-  const picture = document.createElement("canvas");
-  picture.width = drawn.width;
-  picture.height = drawn.height;
+async function asPng(state: State, { canvas, largest }: Scene): Promise<Blob> {
+  const picture = new OffscreenCanvas(canvas.width, canvas.height);
   const context = picture.getContext("2d")!;
-  context.fillStyle = "white";
-  context.fillRect(0, 0, picture.width, picture.height);
-  context.drawImage(drawn, 0, 0);
-  const unit = drawn.width / drawn.clientWidth;
+  context.drawImage(canvas, 0, 0);
+  const unit = canvas.width / canvas.clientWidth;
   context.scale(unit, unit);
-  const [width, height] = [drawn.clientWidth, drawn.clientHeight];
   context.fillStyle = "#1d2733";
   context.font = "600 17px system-ui, sans-serif";
   context.fillText(state.content.case, 18, 30);
   context.font = "14px system-ui, sans-serif";
-  const { coordinates, d } = state.content;
-  state.loads.all.forEach((load, number) => {
-    const at = place(coordinates.subarray(load.node * d, load.node * d + d));
-    const text = `${number + 1}: ${asForce(size(load.force))} at ${at} ${lengthUnit()}`;
-    context.fillText(text, 18, 54 + 20 * number);
+  loadTexts(state).forEach((text, row) => {
+    context.fillText(text, 18, 54 + 20 * row);
   });
-  const { all, body } = state.loads;
-  const others: string[] = [];
-  if (size(body.force) > 0) {
-    others.push(`Body force ${place(body.force)} ${forceUnit()}/${lengthUnit()}³`);
-  }
-  if (state.tool) others.push(`Sphere: ${asForce(size(state.reaction()))}`);
-  others.forEach((text, row) => {
-    context.fillText(text, 18, 54 + 20 * (all.length + row));
+  if (!state.values()) return picture.convertToBlob();
+  const { title, ticks } = bar(state.field, largest);
+  const [height, width] = [canvas.clientHeight, Math.min(300, canvas.clientWidth - 36)];
+  context.fillText(title, 18, height - 54);
+  ticks.forEach((tick, i) => {
+    context.textAlign = (["left", "center", "right"] as const)[i];
+    context.fillText(tick, 18 + (i / 2) * width, height - 14);
   });
-  const values = state.values();
-  if (values) {
-    const { label, palette } = COLOUR_FIELDS[state.field];
-    const [factor, unit] = unitOf(largest, lengthUnit());
-    const bar = context.createLinearGradient(18, 0, 18 + Math.min(300, width - 36), 0);
-    palette.forEach((colour, i) => {
-      bar.addColorStop(i / (palette.length - 1), colour);
-    });
-    context.fillText(`${label} in ${unit}`, 18, height - 54);
-    [0, 0.5, 1].forEach((part) => {
-      context.textAlign = (["left", "center", "right"] as const)[part * 2]!;
-      const text = digits((part * largest) / factor);
-      context.fillText(text, 18 + part * Math.min(300, width - 36), height - 14);
-    });
-    context.fillStyle = bar;
-    context.fillRect(18, height - 46, Math.min(300, width - 36), 14);
-  }
-  return new Promise((resolve, reject) => {
-    picture.toBlob((blob) => {
-      if (blob) resolve(blob);
-      else reject(new Error("no picture"));
-    }, "image/png");
+  const ramp = context.createLinearGradient(18, 0, 18 + width, 0);
+  const { palette } = COLOUR_FIELDS[state.field];
+  palette.forEach((colour, i) => {
+    ramp.addColorStop(i / (palette.length - 1), colour);
   });
+  context.fillStyle = ramp;
+  context.fillRect(18, height - 46, width, 14);
+  return picture.convertToBlob();
 }
 
-/** Let the browser save a file. */
-export function download(blob: Blob, name: string): void {
-  const link = document.createElement("a");
-  link.href = URL.createObjectURL(blob);
-  link.download = name;
-  link.click();
-  setTimeout(() => {
-    URL.revokeObjectURL(link.href);
-  }, 10_000);
+/** Lines that say the loads. */
+function loadTexts(state: State): string[] {
+  const { all, body } = state.loads;
+  const texts = all.map(({ node, force }, number) => {
+    const at = `${place(state.content.place(node))} ${lengthUnit()}`;
+    return `${number + 1}: ${asForce(norm(force))} at ${at}`;
+  });
+  if (norm(body.force) > 0)
+    texts.push(`Body force ${place(body.force)} ${forceUnit()}/${lengthUnit()}³`);
+  if (state.tool) texts.push(`Sphere: ${asForce(norm(state.reaction()))}`);
+  return texts;
 }

@@ -2,13 +2,14 @@
 
 import type { FieldName } from "./colours";
 import type { Content } from "./content";
-import { Loads, size } from "./loads";
+import { Loads, type Load } from "./loads";
 import type { Certificate } from "./mechanics/certificate";
-import type { Loading } from "./mechanics/messages";
-import { lengths } from "./mechanics/vectors";
+import { at, largest, lengths, norm } from "./mechanics/vectors";
 import type { Fields } from "./network";
 import type { Sphere } from "./touch/sphere";
-import { exceeded, type Kind } from "./training_range";
+import { exceeded, isBeyond, type Kind } from "./training_range";
+
+const LARGE = 0.1; // of the displacement: an estimated error after which the prediction is wrong
 
 /** What a drag on the body does: set a force, take hold of the body, push it with the sphere. */
 export type Gesture = "force" | "hold" | "push";
@@ -59,20 +60,9 @@ export class State {
   /** Resultant in N of the forces of the tool on the body, d components. */
   reaction(): number[] {
     const { contacts } = this.loads;
-    return Array.from({ length: this.content.d }, (_, i) =>
+    return this.content.largest.map((_, i) =>
       contacts.reduce((sum, { force }) => sum + force[i], 0),
     );
-  }
-
-  /** Nodal forces in N under which the body of the training moves as this one does. */
-  equivalent(): Float64Array {
-    return this.loads.nodal().map((force) => force / this.stiffness);
-  }
-
-  /** The loads under which the body of the training moves as this one does. */
-  loading(): Loading {
-    const force = this.loads.nodal(false).map((value) => value / this.stiffness);
-    return { force, pressures: this.loads.pressures.map((value) => value / this.stiffness) };
   }
 
   get displacement(): Float32Array | null {
@@ -81,17 +71,21 @@ export class State {
 
   /** Displacement of a node in m, d components. */
   displacementAt(node: number): number[] {
-    const { d } = this.content;
-    const u = this.displacement;
-    return u ? Array.from(u.subarray(node * d, node * d + d)) : new Array<number>(d).fill(0);
+    return this.vectorAt("displacement", node) ?? this.content.largest.map(() => 0);
   }
 
   /** Nodal vectors behind a colour field; null while there are none. */
-  vectors(name: FieldName): ArrayLike<number> | null {
+  vectors(name: FieldName): Float32Array | Float64Array | null {
     if (name === "displacement") return this.displacement;
     if (name === "error") return this.certificate?.error ?? null;
     const output = Object.entries(this.content.deviations).find(([, kind]) => kind === name);
     return (output && this.fields?.[output[0]]) ?? null;
+  }
+
+  /** That of a node in m. */
+  vectorAt(name: FieldName, node: number): number[] | null {
+    const vectors = this.vectors(name);
+    return vectors && [...at(vectors, node, this.content.d)];
   }
 
   /** Lengths of the vectors of the chosen colour field in m, (nodes,). */
@@ -102,21 +96,34 @@ export class State {
 
   /** Standard deviation in m of the displacement of a node along its direction; null without one. */
   deviationAlong(node: number): number | null {
-    const { d, deviations } = this.content;
+    const kinds = Object.values(this.content.deviations);
     const u = this.displacementAt(node);
-    const outputs = Object.keys(deviations).map((name) => this.fields?.[name]);
-    if (outputs.length === 0) return null;
-    const length = size(u) || 1;
-    let variance = 0;
-    for (const output of outputs) {
-      for (let i = 0; i < d; i++)
-        variance += ((u[i] / length) * (output?.[node * d + i] ?? 0)) ** 2;
-    }
-    return Math.sqrt(variance);
+    const parts = kinds.flatMap((kind) =>
+      (this.vectorAt(kind, node) ?? []).map((deviation, i) => u[i] * deviation),
+    );
+    return kinds.length > 0 ? norm(parts) / (norm(u) || 1) : null;
   }
 
-  /** How the loads leave the training data. */
+  /** Largest estimated error in m, and its share of the largest displacement; null without one. */
+  get estimate(): { most: number; share: number; isBad: boolean } | null {
+    const { certificate, displacement, content } = this;
+    if (!certificate?.error || !displacement) return null;
+    const most = largest(lengths(certificate.error, content.d));
+    const share = most / (largest(lengths(displacement, content.d)) || 1);
+    return { most, share, isBad: !certificate.settled || share > LARGE };
+  }
+
+  /** How the loads leave the training data, as those under which its body moves as this one does. */
   warnings(): Map<Kind, string> {
-    return exceeded(this.equivalent(), this.content.trained);
+    const { trained } = this.content;
+    const forces = this.loads.nodal().map((force) => force / this.stiffness);
+    return trained ? exceeded(forces, trained) : new Map<Kind, string>();
+  }
+
+  /** Whether a load is larger than those of the training, or elsewhere, and no estimate allays it. */
+  isDoubtful({ node, force }: Load): boolean {
+    const { trained } = this.content;
+    if (!trained || (!isBeyond(force, trained.largest) && trained.loadable[node])) return false;
+    return this.estimate?.isBad !== false;
   }
 }

@@ -1,5 +1,6 @@
 /** Loads unlike those of the training, as `surrogate/learning/inference/training_range.py` tells them. */
 
+import { largest } from "./mechanics/vectors";
 import { asForce } from "./units";
 
 const ROUNDING = 1e-6; // of forces, which datasets hold in single precision
@@ -18,43 +19,31 @@ export interface TrainingRange {
 export type Kind = "range" | "places" | "number" | "resultant";
 
 /** Say how nodal forces in N, (nodes · d), leave the training data. */
-export function exceeded(forces: Float64Array, trained: TrainingRange): Map<Kind, string> {
-  const found = new Map<Kind, string>();
-  const { limit, loadable, loads } = trained;
+export function exceeded(
+  forces: Float64Array,
+  { limit, loadable, loads }: TrainingRange,
+): Map<Kind, string> {
   const d = limit.length;
-  const sum = new Array<number>(d).fill(0);
-  const rounding = ROUNDING * Math.max(...limit);
-  let sizes = 0;
-  let count = 0;
-  let isLarge = false;
-  let isElsewhere = false;
-  for (let node = 0; node < loadable.length; node++) {
-    const force = forces.subarray(node * d, (node + 1) * d);
-    if (force.every((value) => value === 0)) continue;
-    count++;
-    isLarge ||= isBeyond(force, limit, rounding);
-    isElsewhere ||= !loadable[node];
-    for (let i = 0; i < d; i++) {
-      sum[i] += force[i];
-      sizes += Math.abs(force[i]);
-    }
+  const force = (node: number): Float64Array => forces.subarray(node * d, node * d + d);
+  const loaded = [...loadable.keys()].filter((node) => force(node).some(Boolean));
+  const rounding = ROUNDING * largest(limit);
+  const found = new Map<Kind, string>();
+  if (loaded.some((node) => isBeyond(force(node), limit, rounding))) {
+    const range = `${plusMinus(limit)} a component of a node`;
+    found.set("range", `Force beyond the training range, ${range}`);
   }
-  if (isLarge) {
-    found.set(
-      "range",
-      `Force beyond the training range, ${plusMinus(limit)} a component of a node`,
-    );
-  }
-  if (isElsewhere) found.set("places", "Load at a node that was never loaded in training");
-  if (!loads || count === 0) return found;
+  if (loaded.some((node) => !loadable[node]))
+    found.set("places", "Load at a node that was never loaded in training");
+  if (!loads || loaded.length === 0) return found;
   const { fewest, most, resultant } = loads;
-  if (count > most || count < fewest) {
+  if (loaded.length > most || loaded.length < fewest) {
     const number = fewest === most ? `${fewest}` : `${fewest} to ${most}`;
-    found.set("number", `${count} loaded nodes; ${number} in training`);
+    found.set("number", `${loaded.length} loaded nodes; ${number} in training`);
   }
-  if (isBeyond(sum, resultant, ROUNDING * sizes)) {
+  const sum = limit.map((_, i) => loaded.reduce((total, node) => total + force(node)[i], 0));
+  const sizes = forces.reduce((total, value) => total + Math.abs(value), 0);
+  if (isBeyond(sum, resultant, ROUNDING * sizes))
     found.set("resultant", `Sum of the loads beyond that of the training, ${plusMinus(resultant)}`);
-  }
   return found;
 }
 

@@ -9,7 +9,7 @@
 
 import type { Equilibrium } from "./equilibrium";
 import type { Slopes } from "./solid";
-import { add, dot, largest, norm, plus, solve, times } from "./vectors";
+import { combined, dot, largest, norm, plus, solve, times } from "./vectors";
 
 const STEPS = 30; // of the search for the weights, at most
 const SMALL_STEP = 3e-3; // relative to the last term
@@ -28,16 +28,7 @@ interface Residual {
 /** Displacements in m under forces in N, both (points · d), by a series to some order. */
 export function loadSeries(equilibrium: Equilibrium, f: Float64Array, order: number): Float64Array {
   const terms = seriesTerms(equilibrium, f, order);
-  return combined(terms, order === 1 ? [1] : weights(equilibrium, terms, f));
-}
-
-/** Σ c_k u_k */
-function combined(terms: readonly Float64Array[], c: readonly number[]): Float64Array {
-  const total = new Float64Array(terms[0].length);
-  terms.forEach((term, k) => {
-    add(total, term, c[k]);
-  });
-  return total;
+  return combined(order === 1 ? [1] : weights(equilibrium, terms, f), terms);
 }
 
 /** Terms u_k in m. */
@@ -117,15 +108,11 @@ function residual(
   c: readonly number[],
 ): Residual | null {
   const n = c.length;
-  const u = combined(terms, c);
+  const u = combined(c, terms);
+  const blocks = slopes[0].map((_, b) => slopes.map((h) => h[b]));
   solid.set(
     0,
-    slopes[0].map((_, b) =>
-      combined(
-        slopes.map((h) => h[b]),
-        c,
-      ),
-    ),
+    blocks.map((of) => combined(c, of)),
   );
   if (solid.inverted() > 0) return null;
   const acting = pressure ? plus(f, pressure.forces(u)) : f;

@@ -3,7 +3,7 @@
  * the points of every facet, which Python has recorded as functions of their positions.
  */
 
-import type { Surfaces } from "./messages";
+import type { Surfaces } from "./body";
 import { Series } from "./recording";
 
 export class Pressure {

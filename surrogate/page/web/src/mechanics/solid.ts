@@ -9,10 +9,10 @@
  * state, order 1 its change along a direction, and a load series has more.
  */
 
-import type { Body } from "./messages";
+import type { Body } from "./body";
 import { Profile, type Factor } from "./profile";
 import { Series, type Law } from "./recording";
-import { solve } from "./vectors";
+import { dot, solve } from "./vectors";
 
 const POINTS = 128; // of a block, about
 
@@ -149,23 +149,20 @@ export class Solid {
   weighted(slopes: Slopes): Slopes {
     return slopes.map((block, b) => {
       const { series, first } = this.blocks[b];
-      return block.map(
-        (value, i) => value * this.body.volumes[first * this.points + (i % series.n)],
-      );
+      const volumes = this.body.volumes.subarray(first * this.points);
+      return block.map((value, i) => value * volumes[i % series.n]);
     });
   }
 
   /** Σ_q A : w_q ∇u of the stress A of order k in Pa, in J. */
   work(k: number, weighted: Slopes): number {
-    const { length } = weighted;
     let total = 0;
-    for (let b = 0; b < length; b++) {
-      const { law, series } = this.blocks[b];
-      for (let from = 0, i = 0; from < weighted[b].length; from += series.n, i++) {
-        const [stress, block] = [series.at(k, law.outputs[i]), weighted[b]];
-        for (let p = 0; p < stress.length; p++) total += stress[p] * block[from + p];
+    this.blocks.forEach(({ law, series }, b) => {
+      for (let i = 0; i < this.body.d ** 2; i++) {
+        const block = weighted[b].subarray(i * series.n, (i + 1) * series.n);
+        total += dot(series.at(k, law.outputs[i]), block);
       }
-    }
+    });
     return total;
   }
 

@@ -11,26 +11,38 @@ export function norm(a: ArrayLike<number>): number {
 }
 
 /** a + factor · b */
-export function plus(a: Float64Array, b: Float64Array, factor = 1): Float64Array {
+export function plus(a: Float64Array, b: ArrayLike<number>, factor = 1): Float64Array {
   return a.map((value, i) => value + factor * b[i]);
 }
 
 /** a += factor · b */
-export function add(a: Float64Array, b: Float64Array, factor: number): void {
+export function add(a: Float64Array, b: ArrayLike<number>, factor: number): void {
   for (let i = 0; i < a.length; i++) a[i] += factor * b[i];
+}
+
+/** Σ c_k a_k */
+export function combined(c: ArrayLike<number>, vectors: readonly Float64Array[]): Float64Array {
+  const sum = new Float64Array(vectors[0].length);
+  for (let k = 0; k < vectors.length; k++) add(sum, vectors[k], c[k]);
+  return sum;
+}
+
+/** The vector of a node in a field, (n · d) → (d,). */
+export function at<T extends Float32Array | Float64Array>(field: T, node: number, d: number): T {
+  return field.subarray(node * d, node * d + d) as T;
 }
 
 /** The lengths of the vectors of a field, (n · d) → (n,). */
 export function lengths(field: ArrayLike<number>, d: number): Float64Array {
-  return Float64Array.from({ length: field.length / d }, (_, node) => {
-    let sum = 0;
-    for (let i = 0; i < d; i++) sum += field[node * d + i] ** 2;
-    return Math.sqrt(sum);
-  });
+  const squares = new Float64Array(field.length / d);
+  for (let i = 0; i < field.length; i++) squares[Math.floor(i / d)] += field[i] ** 2;
+  return squares.map(Math.sqrt);
 }
 
-export function largest(values: Float64Array): number {
-  return values.reduce((most, value) => Math.max(most, Math.abs(value)), 0);
+export function largest(values: Float64Array | readonly number[]): number {
+  let most = 0;
+  for (const value of values) most = Math.max(most, Math.abs(value));
+  return most;
 }
 
 /**
@@ -42,49 +54,47 @@ export function largest(values: Float64Array): number {
  */
 export function solve(matrix: Float64Array, right: Float64Array, columns = 1): Float64Array | null {
   const n = Math.sqrt(matrix.length);
-  const a = matrix.slice();
-  const x = right.slice();
+  const width = n + columns;
+  const rows = new Float64Array(n * width); // of A and B
+  for (let i = 0; i < n; i++) {
+    for (let j = 0; j < width; j++)
+      rows[i * width + j] = j < n ? matrix[i * n + j] : right[i * columns + j - n];
+  }
   for (let k = 0; k < n; k++) {
     let pivot = k;
     for (let i = k + 1; i < n; i++) {
-      if (Math.abs(a[i * n + k]) > Math.abs(a[pivot * n + k])) pivot = i;
+      if (Math.abs(rows[i * width + k]) > Math.abs(rows[pivot * width + k])) pivot = i;
     }
-    if (a[pivot * n + k] === 0) return null;
-    exchange(a, n, k, pivot);
-    exchange(x, columns, k, pivot);
-    for (let i = k + 1; i < n; i++) {
-      const factor = a[i * n + k] / a[k * n + k];
-      if (factor === 0) continue;
-      for (let j = k; j < n; j++) a[i * n + j] -= factor * a[k * n + j];
-      for (let j = 0; j < columns; j++) x[i * columns + j] -= factor * x[k * columns + j];
+    if (rows[pivot * width + k] === 0) return null;
+    for (let j = k, one = k * width, other = pivot * width; j < width && pivot !== k; j++)
+      [rows[one + j], rows[other + j]] = [rows[other + j], rows[one + j]];
+    for (let i = 0; i < n; i++) {
+      const factor = rows[i * width + k] / rows[k * width + k];
+      if (i === k || factor === 0) continue;
+      for (let j = k; j < width; j++) rows[i * width + j] -= factor * rows[k * width + j];
     }
   }
-  for (let k = n - 1; k >= 0; k--) {
-    for (let j = 0; j < columns; j++) {
-      let sum = x[k * columns + j];
-      for (let i = k + 1; i < n; i++) sum -= a[k * n + i] * x[i * columns + j];
-      x[k * columns + j] = sum / a[k * n + k];
-    }
+  const x = new Float64Array(n * columns);
+  for (let i = 0; i < n; i++) {
+    for (let j = 0; j < columns; j++)
+      x[i * columns + j] = rows[i * width + n + j] / rows[i * width + i];
   }
   return x.every(Number.isFinite) ? x : null;
 }
 
-/** A x, of a matrix in rows. */
-export function times(matrix: Float64Array, x: ArrayLike<number>): Float64Array {
-  const n = x.length;
-  return Float64Array.from({ length: matrix.length / n }, (_, row) =>
-    dot(matrix.subarray(row * n, (row + 1) * n), x),
-  );
+/** A B of matrices in rows, (m · n) and (n · columns). */
+export function times(a: Float64Array, b: ArrayLike<number>, columns = 1): Float64Array {
+  const n = b.length / columns;
+  const found = new Float64Array((a.length / n) * columns);
+  for (let place = 0, row = 0; place < a.length; row += columns) {
+    for (let j = 0; j < n; j++, place++) {
+      for (let c = 0; c < columns; c++) found[row + c] += a[place] * b[j * columns + c];
+    }
+  }
+  return found;
 }
 
 /** The unit matrix, (n · n). */
 export function unit(n: number): Float64Array {
   return Float64Array.from({ length: n * n }, (_, place) => Number(place % (n + 1) === 0));
-}
-
-function exchange(rows: Float64Array, length: number, i: number, j: number): void {
-  if (i === j) return;
-  const row = rows.slice(i * length, (i + 1) * length);
-  rows.copyWithin(i * length, j * length, (j + 1) * length);
-  rows.set(row, j * length);
 }

@@ -1,23 +1,65 @@
 /** The worker: columns of K⁻¹ of loaded nodes, load series, and estimated errors of predictions. */
 
-import { certify } from "./certificate";
+import type { Body, Loading } from "./body";
+import { certify, type Certificate } from "./certificate";
 import { Equilibrium } from "./equilibrium";
 import { loadSeries } from "./load_series";
-import type { Body, Reply, Request } from "./messages";
 import { atPoints } from "./points_between";
 import { Solid } from "./solid";
 
-let body: Body;
 let equilibrium: Equilibrium;
 let latest = 0;
 
-function reply(message: Reply): void {
-  self.postMessage(message);
-}
+/** What the page asks for. */
+const answers = {
+  /** Become a body. */
+  body: (body: Body): void => {
+    equilibrium = new Equilibrium(new Solid(body));
+  },
+
+  /** Responses in m to nodal forces in N. */
+  columns: (forces: Float64Array[]): Float64Array[] => {
+    return forces.map((force) => equilibrium.linearResponse(onPoints(spread(force))));
+  },
+
+  /** The load series in m, at all points, to some order. */
+  series: ({ force, pressures }: Loading, order: number): Float32Array => {
+    equilibrium.under(pressures);
+    return Float32Array.from(loadSeries(equilibrium, onPoints(force), order));
+  },
+
+  /** The error of a displacement in m at the nodes; null once something else is asked for. */
+  certificate: async (loading: Loading, given: Float64Array): Promise<Certificate | null> => {
+    const asked = latest;
+    equilibrium.under(loading.pressures);
+    const force = onPoints(loading.force);
+    const certificate = await certify(
+      equilibrium,
+      force,
+      atPoints(equilibrium, given, force),
+      async () => {
+        await pause();
+        return latest === asked;
+      },
+    );
+    const { nodes, d } = equilibrium.solid.body;
+    for (const field of [certificate, certificate?.corrected])
+      if (field?.error) field.error = field.error.slice(0, nodes * d);
+    return certificate;
+  },
+};
+
+export type Answers = typeof answers;
+
+self.onmessage = async ({ data }: MessageEvent<{ kind: keyof Answers; given: unknown[] }>) => {
+  const number = ++latest;
+  const answer = answers[data.kind] as (...given: unknown[]) => unknown;
+  self.postMessage({ number, answer: await answer(...data.given) });
+};
 
 /** Forces on all points; they act at the nodes. */
 function onPoints(force: Float64Array): Float64Array {
-  const found = new Float64Array(body.coordinates.length);
+  const found = new Float64Array(equilibrium.size);
   found.set(force);
   return found;
 }
@@ -36,44 +78,13 @@ function pause(): Promise<void> {
 
 /** Forces on the nodes that nodal forces reach by way of the grid, if there is one. */
 function spread(force: Float64Array): Float64Array {
-  if (!body.spread) return force;
-  const { starts, nodes, weights } = body.spread;
-  const { d } = body;
+  const { d, spread } = equilibrium.solid.body;
+  if (!spread) return force;
   const found = new Float64Array(force.length);
   force.forEach((value, dof) => {
     const node = Math.floor(dof / d);
-    for (let i = starts[node]; value !== 0 && i < starts[node + 1]; i++)
-      found[nodes[i] * d + (dof % d)] += value * weights[i];
+    for (let i = spread.starts[node]; value !== 0 && i < spread.starts[node + 1]; i++)
+      found[spread.nodes[i] * d + (dof % d)] += value * spread.weights[i];
   });
   return found;
 }
-
-self.onmessage = async ({ data }: MessageEvent<Request>) => {
-  if (data.kind === "body") {
-    body = data.body;
-    equilibrium = new Equilibrium(new Solid(body));
-    return;
-  }
-  if (data.kind === "columns") {
-    const columns = data.forces.map((f) => equilibrium.linearResponse(onPoints(spread(f))));
-    reply({ kind: "columns", key: data.key, columns });
-    return;
-  }
-  equilibrium.under(data.loading.pressures);
-  const force = onPoints(data.loading.force);
-  if (data.kind === "series") {
-    const displacement = loadSeries(equilibrium, force, data.order);
-    reply({ kind: "series", displacement: Float32Array.from(displacement) });
-    return;
-  }
-  const { number, kind } = data;
-  latest = number;
-  const u = atPoints(equilibrium, data.displacement, force);
-  const certificate = await certify(equilibrium, force, u, async () => {
-    await pause();
-    return latest === number;
-  });
-  for (const field of [certificate, certificate?.corrected])
-    if (field?.error) field.error = field.error.slice(0, body.nodes * body.d);
-  reply({ kind, number, certificate });
-};

@@ -29,11 +29,8 @@ export function complementary(
   for (let exchange = 0; exchange < MOST; exchange++) {
     const part = [...inside.keys()].filter((i) => inside[i]);
     const block = Float64Array.from(part.flatMap((i) => part.map((j) => matrix[i * n + j])));
-    const values = solve(
-      block,
-      Float64Array.from(part, (i) => -offset[i]),
-      1,
-    );
+    const right = Float64Array.from(part, (i) => -offset[i]);
+    const values = solve(block, right);
     if (!values) return null;
     const found = new Float64Array(n);
     part.forEach((i, place) => (found[i] = values[place]));

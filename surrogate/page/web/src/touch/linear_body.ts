@@ -1,27 +1,31 @@
 /**
- * What forces do to the body, as far as predictions have told, as `surrogate/mechanics/touch/linear_body.py`:
+ * What forces on some loads do to the body, as far as predictions have told, as
+ * `surrogate/mechanics/touch/linear_body.py`:
  *
  *   δu = C δf,  C = K⁻¹ + Σ ± v vᵀ
  *
  * with updates that keep C symmetric and positive definite.
  */
 
-import { dot, norm } from "../mechanics/vectors";
+import type { Loads } from "../loads";
+import { add, dot, norm, plus } from "../mechanics/vectors";
 
 const UPDATES = 40; // changes that are kept
 const RECENT = 8; // those that are kept when there are too many
 const PARALLEL = 1e-6; // cosine below which nothing is learned
 
-/** Displacements in m of all nodes under unit forces in N on a node; null while they are computed. */
-export type Columns = (node: number) => Float64Array[] | null;
+/** Displacements in m of all nodes under the unit components of a load; null while they are computed. */
+export type Columns = (key: number) => Float64Array[] | null;
 
 export class LinearBody {
   private vectors: { vector: Float64Array; sign: number }[] = [];
-  private changes: { nodes: number[]; change: Float64Array; effect: Float64Array }[] = [];
+  private changes: [change: Float64Array, effect: Float64Array][] = [];
 
+  /** @param keys - the loads (`Part`) */
   constructor(
+    private readonly keys: readonly number[],
+    private readonly loads: Loads,
     private readonly columns: Columns,
-    private readonly d: number,
   ) {}
 
   /** Be the body at rest. */
@@ -30,78 +34,79 @@ export class LinearBody {
     this.changes = [];
   }
 
-  /** Displacements at some nodes by unit forces on others, (at · d) x (of · d); null if unknown. */
-  compliance(at: readonly number[], of: readonly number[]): Float64Array | null {
-    const { d } = this;
-    const width = of.length * d;
-    const found = new Float64Array(at.length * d * width);
-    const known = of.map((node) => this.columns(node));
-    for (const [place, columns] of known.entries()) {
-      if (!columns) return null;
-      columns.forEach((column, axis) => {
-        at.forEach((node, row) => {
-          for (let i = 0; i < d; i++) {
-            found[(row * d + i) * width + place * d + axis] = column[node * d + i];
-          }
-        });
-      });
-    }
+  /** Displacements of components of the nodes by units of some of the loads, (dofs · units); null if unknown. */
+  compliance(dofs: readonly number[], of: readonly number[]): Float64Array | null {
+    const columns = of.map((place) => this.columns(this.keys[place]));
+    if (columns.includes(null)) return null;
+    const units = columns.flat() as Float64Array[];
+    const found = Float64Array.from(dofs.flatMap((dof) => units.map((column) => column[dof])));
     for (const { vector, sign } of this.vectors) {
-      const right = of.flatMap((node) => Array.from(vector.subarray(node * d, node * d + d)));
-      at.forEach((node, row) => {
-        for (let i = 0; i < d; i++) {
-          const left = sign * vector[node * d + i];
-          for (let j = 0; j < width; j++) found[(row * d + i) * width + j] += left * right[j];
-        }
+      const right = of.flatMap((place) => this.loads.along(this.keys[place], vector));
+      dofs.forEach((dof, row) => {
+        const left = sign * vector[dof];
+        for (let j = 0; j < right.length; j++) found[row * right.length + j] += left * right[j];
       });
     }
     return found;
   }
 
-  /** Let a change of the forces in N on some nodes have its effect in m, both (nodes · d). */
-  learn(nodes: number[], change: Float64Array, effect: Float64Array): void {
-    const work = dot(effect, change);
-    const size = norm(change);
-    if (nodes.length === 0 || work <= PARALLEL * norm(effect) * size) return;
-    const expected = this.moved(nodes, change);
+  /** Let a change of the forces, (loads · d) in N, have its effect in m, (nodes · d). */
+  learn(change: Float64Array, effect: Float64Array): void {
+    const work = this.work(effect, change);
+    if (work <= PARALLEL * norm(effect) * norm(change)) return;
+    const expected = this.moved(change, effect.length);
     if (!expected) return;
-    this.changes.push({ nodes, change, effect });
+    this.changes.push([change, effect]);
     if (this.changes.length > UPDATES) {
       const recent = this.changes.slice(-RECENT);
       this.forget();
-      for (const one of recent) this.learn(one.nodes, one.change, one.effect);
+      for (const one of recent) this.learn(...one);
       return;
     }
-    const lack = effect.map((value, i) => value - expected[i]);
-    const slope = dot(lack, change);
-    if (slope > PARALLEL * norm(lack) * size) {
+    const lack = plus(effect, expected, -1);
+    const slope = this.work(lack, change);
+    if (slope > PARALLEL * norm(lack) * norm(change)) {
       this.add(lack, slope, 1);
     } else if (slope < 0) {
       this.add(effect, work, 1);
-      this.add(expected, dot(expected, change), -1);
+      this.add(expected, this.work(expected, change), -1);
     }
   }
 
-  /** C δf of forces on some nodes, (nodes · d); null if columns are unknown. */
-  private moved(nodes: readonly number[], change: Float64Array): Float64Array | null {
-    const sum = new Float64Array(change.length);
-    for (const node of nodes) {
-      const columns = this.columns(node);
+  /** u · f */
+  private work(u: Float64Array, force: Float64Array): number {
+    return this.acting(force).reduce(
+      (sum, [key, own]) => sum + dot(this.loads.along(key, u), own),
+      0,
+    );
+  }
+
+  /** C δf, of a size; null if columns are unknown. */
+  private moved(change: Float64Array, size: number): Float64Array | null {
+    const sum = new Float64Array(size);
+    for (const [key, own] of this.acting(change)) {
+      const columns = this.columns(key);
       if (!columns) return null;
-      columns.forEach((column, axis) => {
-        plus(sum, column, change[node * this.d + axis]);
+      columns.forEach((column, i) => {
+        add(sum, column, own[i]);
       });
     }
-    for (const { vector, sign } of this.vectors) plus(sum, vector, sign * dot(vector, change));
+    for (const { vector, sign } of this.vectors) add(sum, vector, sign * this.work(vector, change));
     return sum;
+  }
+
+  /** Loads whose forces are not zero, with these. */
+  private acting(force: Float64Array): [key: number, own: Float64Array][] {
+    const d = force.length / this.keys.length;
+    return this.keys
+      .map((key, place): [number, Float64Array] => [
+        key,
+        force.subarray(place * d, (place + 1) * d),
+      ])
+      .filter(([, own]) => own.some(Boolean));
   }
 
   private add(vector: Float64Array, square: number, sign: number): void {
     this.vectors.push({ vector: vector.map((value) => value / Math.sqrt(square)), sign });
   }
-}
-
-/** sum += factor · a */
-function plus(sum: Float64Array, a: Float64Array, factor: number): void {
-  for (let i = 0; i < sum.length; i++) sum[i] += factor * a[i];
 }

@@ -19,7 +19,6 @@ import {
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { COLOUR_FIELDS } from "../colours";
 import type { State } from "../state";
-import { isBeyond } from "../training_range";
 import { ceiling } from "../units";
 import { Arrows } from "./arrows";
 import { BodyMesh } from "./body_mesh";
@@ -74,7 +73,7 @@ export class Scene {
     this.centre = box.getCenter(new Vector3());
     this.diagonal = this.extent.length();
     this.stiffness = Math.max(...content.largest) / (REACH * this.diagonal);
-    this.arrows = new Arrows(overlay, 0.006 * this.diagonal);
+    this.arrows = new Arrows(state, overlay, 0.006 * this.diagonal);
     this.ball = new Mesh(
       content.d === 2 ? new CircleGeometry(1, 96) : new SphereGeometry(1, 48, 32),
       material({ colour: STEEL, shade: content.d === 2 ? 0 : 0.55 }),
@@ -84,22 +83,22 @@ export class Scene {
     const marks = supportMarks(content, this.diagonal);
     this.three.add(this.body.group, marks, this.ball, this.arrows.group);
 
+    const isPlane = content.d === 2;
     const far = 50 * this.diagonal;
-    this.camera =
-      content.d === 2
-        ? new OrthographicCamera(-1, 1, 1, -1, -far, far)
-        : new PerspectiveCamera(32, 1, 0.01 * this.diagonal, far);
-    if (content.d === 3) this.camera.up.set(0, 0, 1);
+    this.camera = isPlane
+      ? new OrthographicCamera(-1, 1, 1, -1, -far, far)
+      : new PerspectiveCamera(32, 1, 0.01 * this.diagonal, far);
+    if (!isPlane) this.camera.up.set(0, 0, 1);
     this.controls = new OrbitControls(this.camera, canvas);
-    this.controls.enableDamping = false;
-    this.controls.zoomToCursor = content.d === 2;
-    this.controls.enableRotate = content.d === 3;
-    const drag = content.d === 2 ? MOUSE.PAN : MOUSE.ROTATE;
-    this.controls.mouseButtons = { LEFT: drag, MIDDLE: MOUSE.DOLLY, RIGHT: drag };
-    this.controls.touches =
-      content.d === 2
-        ? { ONE: TOUCH.PAN, TWO: TOUCH.DOLLY_PAN }
-        : { ONE: TOUCH.ROTATE, TWO: TOUCH.DOLLY_ROTATE };
+    const [drag, one, two] = isPlane
+      ? [MOUSE.PAN, TOUCH.PAN, TOUCH.DOLLY_PAN]
+      : [MOUSE.ROTATE, TOUCH.ROTATE, TOUCH.DOLLY_ROTATE];
+    Object.assign(this.controls, {
+      zoomToCursor: isPlane,
+      enableRotate: !isPlane,
+      mouseButtons: { LEFT: drag, MIDDLE: MOUSE.DOLLY, RIGHT: drag },
+      touches: { ONE: one, TWO: two },
+    });
     this.resize();
     this.controls.addEventListener("change", () => {
       this.draw();
@@ -142,14 +141,7 @@ export class Scene {
 
   /** Come nearer by a factor. */
   zoom(factor: number): void {
-    if (this.camera instanceof OrthographicCamera) {
-      this.camera.zoom *= factor;
-      this.camera.updateProjectionMatrix();
-    } else {
-      this.camera.position.sub(this.controls.target).divideScalar(factor).add(this.controls.target);
-    }
-    this.controls.update();
-    this.draw();
+    this.controls.dollyOut(factor);
   }
 
   /** Take over loads, displacements and colours, and draw. */
@@ -188,15 +180,10 @@ export class Scene {
   }
 
   private render(withLines: boolean): void {
-    const { state } = this;
     this.body.showLines(withLines);
-    const { largest, loadable } = state.content.trained;
     this.arrows.draw(
-      state.loads.all,
-      state.loads.selected,
       (node) => this.body.at(node),
       1 / this.stiffness,
-      (load) => !loadable[load.node] || isBeyond(load.force, largest),
       (point) => this.project(point),
     );
     this.renderer.render(this.three, this.camera);
@@ -232,22 +219,17 @@ export class Scene {
     if (!face || d === 2) {
       const near = this.pickable.filter((node) => this.distance(node, x, y) < NEAR);
       const trained = near.filter((node) => loadable[node]);
-      if (trained.length > 0 || near.length > 0) {
-        return this.nearest(trained.length > 0 ? trained : near, x, y);
-      }
+      if (near.length > 0) return this.nearest(trained.length > 0 ? trained : near, x, y);
     }
     if (!face) return null;
     if (places) return this.closest(places, this.body.at(vertices[face.a]));
     const corners = [face.a, face.b, face.c].map((vertex) => vertices[vertex]);
-    return this.nearest(
-      corners.filter((node) => !clamped[node]),
-      x,
-      y,
-    );
+    const free = corners.filter((node) => !clamped[node]);
+    return this.nearest(free, x, y);
   }
 
   /** The nearest of some nodes in space. */
-  private closest(nodes: readonly number[], point: Vector3): number {
+  closest(nodes: readonly number[], point: Vector3): number {
     const distance = (node: number): number => this.body.at(node).distanceToSquared(point);
     return nodes.reduce((best, node) => (distance(node) < distance(best) ? node : best));
   }

@@ -1,6 +1,5 @@
-/** Messages between the page and its worker. */
+/** The body and its loads, as the workers get them. */
 
-import type { Certificate } from "./certificate";
 import type { Law, Recording } from "./recording";
 
 /** Nodes with weights, of each node. */
@@ -55,14 +54,3 @@ export interface Loading {
   force: Float64Array;
   pressures: number[];
 }
-
-export type Request =
-  | { kind: "body"; body: Body }
-  | { kind: "columns"; key: number; forces: Float64Array[] }
-  | { kind: "series"; loading: Loading; order: number }
-  | { kind: "certificate"; loading: Loading; displacement: Float64Array; number: number };
-
-export type Reply =
-  | { kind: "columns"; key: number; columns: Float64Array[] }
-  | { kind: "series"; displacement: Float32Array }
-  | { kind: "certificate"; number: number; certificate: Certificate | null };

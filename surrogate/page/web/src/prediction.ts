@@ -1,0 +1,115 @@
+/** Fields under the loads, by a network or a load series, and their estimated error. */
+
+import { bytes } from "./content";
+import { BODY, type Part } from "./loads";
+import { Mechanics } from "./mechanics/mechanics";
+import { Network, type Fields } from "./network";
+import { Responses } from "./responses";
+import type { State } from "./state";
+
+const PROBE = 0.01; // of the training's largest force, under which a network shows responses
+
+export class Prediction {
+  /** Those of the body at rest; of the network, on a page without it. */
+  readonly responses: Responses;
+  /** Resolves when the network is there. */
+  readonly ready: Promise<void>;
+  private mechanics: Mechanics | null = null;
+  private network: Network | null = null;
+
+  /** @param arrived - called when more is known than before */
+  constructor(
+    private readonly state: State,
+    arrived: () => void,
+  ) {
+    const { loads } = state;
+    this.responses = new Responses(loads, (units) => this.responsesTo(units), arrived);
+    this.ready = this.start();
+  }
+
+  /** Start the workers, and the network if there is one. */
+  private async start(): Promise<void> {
+    const { responding, body, series } = this.state.content;
+    if (responding) this.mechanics = new Mechanics(responding, body);
+    if (document.readyState === "loading") {
+      await new Promise((resolve) => {
+        document.addEventListener("DOMContentLoaded", resolve, { once: true });
+      });
+    }
+    if (series > 0) return;
+    this.network = await Network.start(
+      ...(await Promise.all([bytes("network"), bytes("runtime")])),
+    );
+  }
+
+  /** Fields under the present loads; null for a body at rest, and while something is missing. */
+  async fields(): Promise<Fields | null> {
+    const { loads, stiffness, content, isLoaded } = this.state;
+    this.mechanics?.forget();
+    if (!isLoaded) return null;
+    if (content.series === 0) return this.predicted(loads.parts(), stiffness);
+    return this.mechanics && this.nodal(await this.series(this.mechanics));
+  }
+
+  /** Estimate the error of the fields; the equilibrium takes the place of those of a series. */
+  async estimate(): Promise<boolean> {
+    const { state, mechanics } = this;
+    const { displacement, content } = state;
+    if (!mechanics || !content.certified || !displacement) return false;
+    const points = content.series > 0 ? new Float32Array(displacement.buffer) : displacement;
+    const loading = state.loads.loading(state.stiffness);
+    const certificate = await mechanics.estimate(loading, Float64Array.from(points));
+    if (!certificate) return false;
+    state.certificate = certificate;
+    const { corrected } = certificate;
+    if (content.series === 0 || !corrected) return true;
+    const shown = this.nodal(Float32Array.from(corrected.displacement));
+    const error = corrected.error.map(
+      (value, i) => value + shown.displacement[i] - corrected.displacement[i],
+    ); // with that of single precision
+    state.fields = shown;
+    state.certificate = { ...certificate, error };
+    return true;
+  }
+
+  private series(mechanics: Mechanics): Promise<Float32Array> {
+    const { loads, stiffness, content } = this.state;
+    return mechanics.series(loads.loading(stiffness), content.series);
+  }
+
+  /** What is drawn of displacements of all points: those of the nodes, which come first. */
+  private nodal(points: Float32Array): { displacement: Float32Array } {
+    const { nodes, d } = this.state.content;
+    return { displacement: points.subarray(0, nodes * d) };
+  }
+
+  /** Fields of the network; null while it or a response is missing. */
+  private async predicted(parts: readonly Part[], stiffness: number): Promise<Fields | null> {
+    const { loads, content } = this.state;
+    const { places, nodes, d, needsResponse } = content;
+    const softer = parts.map(({ key, force }) => ({ key, force: force.map((f) => f / stiffness) }));
+    const response = needsResponse ? this.responses.sum(softer, nodes * d) : null;
+    if (!this.network || (needsResponse && !response)) return null;
+    if (places) {
+      const known = content.volumes ? [BODY, ...places] : places;
+      const load = new Float32Array(known.length * d);
+      for (const { key, force } of softer) load.set(force, known.indexOf(key) * d);
+      return this.network.predict({ load }, [1, load.length]);
+    }
+    const force = Float32Array.from(loads.nodal(softer));
+    return this.network.predict({ force, ...(response && { response }) }, [1, nodes, d]);
+  }
+
+  private async responsesTo(units: readonly Part[]): Promise<Float64Array[]> {
+    const { loads, content } = this.state;
+    if (this.mechanics) return this.mechanics.columns(units.map((unit) => loads.nodal([unit])));
+    await this.ready;
+    const probe = PROBE * Math.max(...content.largest);
+    const columns: Float64Array[] = [];
+    for (const { key, force } of units) {
+      const fields = await this.predicted([{ key, force: force.map((f) => f * probe) }], 1);
+      columns.push(Float64Array.from(fields!.displacement, (u) => u / probe));
+    }
+    return columns;
+  }
+}

@@ -1,0 +1,74 @@
+/** Places that are held, as `Held` of `surrogate/mechanics/touch/condition.py`: f ← f + C⁻¹ (ū − u). */
+
+import type { Load, Part } from "../loads";
+import { largest, plus, solve } from "../mechanics/vectors";
+import type { State } from "../state";
+import type { LinearBody } from "./linear_body";
+import type { Condition, Found } from "./search";
+
+const STRIDE = 0.25; // over the body's size
+
+export class Grip implements Condition {
+  readonly keys: readonly number[];
+  readonly stride: number;
+  at: number[];
+  /** Components of the nodes, one node after the other. */
+  private readonly dofs: readonly number[];
+
+  /** @param extent - of the body in m */
+  constructor(
+    private readonly state: State,
+    private readonly held: readonly Load[],
+    extent: number,
+  ) {
+    const { d } = state.content;
+    this.keys = held.map(({ node }) => node);
+    this.dofs = this.keys.flatMap((node) => Array.from({ length: d }, (_, i) => node * d + i));
+    this.stride = STRIDE * extent;
+    this.at = this.keys.flatMap((node) => state.displacementAt(node));
+  }
+
+  get wanted(): number[] {
+    return this.held.flatMap((load) => load.held!);
+  }
+
+  get force(): Float64Array {
+    return Float64Array.from(this.held.flatMap(({ force }) => force));
+  }
+
+  set force(force: Float64Array) {
+    const { d } = this.state.content;
+    this.held.forEach((load, k) => (load.force = [...force.subarray(k * d, k * d + d)]));
+  }
+
+  get beside(): Part[] {
+    const { loads } = this.state;
+    return loads.dead().filter(({ key }) => !this.keys.includes(key));
+  }
+
+  wrong(u: Float64Array): number {
+    return largest(this.left(u));
+  }
+
+  size(u: Float64Array): number {
+    return Math.max(largest(this.at), largest(this.dofs.map((dof) => u[dof])));
+  }
+
+  forces(body: LinearBody, u: Float64Array, force: Float64Array): Found {
+    const n = this.dofs.length;
+    const compliance = body.compliance(this.dofs, [...this.keys.keys()]);
+    if (!compliance) return "missing";
+    this.dofs.forEach((dof, row) => {
+      if (!this.state.content.held[dof]) return;
+      compliance.fill(0, row * n, (row + 1) * n)[row * n + row] = 1; // borne by a support
+    });
+    const change = solve(compliance, this.left(u));
+    return change ? plus(force, change) : "none";
+  }
+
+  /** Displacement in m that is left, of components that supports leave free. */
+  private left(u: Float64Array): Float64Array {
+    const { held } = this.state.content;
+    return Float64Array.from(this.dofs, (dof, i) => (held[dof] ? 0 : this.at[i] - u[dof]));
+  }
+}
