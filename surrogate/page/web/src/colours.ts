@@ -1,6 +1,6 @@
 /** Colour fields of the body: what they are called, and their colours from zero to the largest value. */
 
-import { digits, lengthUnit, unitOf } from "./units";
+import { digits, unitOf, units } from "./units";
 
 export type FieldName = "displacement" | "epistemic" | "aleatoric" | "error";
 
@@ -29,28 +29,9 @@ export const COLOUR_FIELDS: Record<FieldName, ColourField> = {
   },
 };
 
-/** Colour of a body without values. */
-export const NEUTRAL: Rgb = [0.8, 0.82, 0.85];
-
-export type Rgb = [number, number, number];
-
-/** Make a function from 0 … 1 to a colour. */
-export function scale(palette: readonly string[]): (part: number, out: Rgb) => void {
-  const stops = palette.map((colour) =>
-    [1, 3, 5].map((place) => parseInt(colour.slice(place, place + 2), 16) / 255),
-  );
-  return (part, out) => {
-    const at = Math.min(Math.max(part, 0), 1) * (stops.length - 1);
-    const low = Math.min(Math.floor(at), stops.length - 2);
-    for (let i = 0; i < 3; i++) {
-      out[i] = stops[low][i] + (at - low) * (stops[low + 1][i] - stops[low][i]);
-    }
-  };
-}
-
 /** Title of the colour bar of a field whose largest value is given in m, and numbers along it. */
 export function bar(field: FieldName, largest: number): { title: string; ticks: string[] } {
-  const [factor, unit] = unitOf(largest, lengthUnit());
+  const [factor, unit] = unitOf(largest, units.length);
   return {
     title: `${COLOUR_FIELDS[field].label} in ${unit}`,
     ticks: [0, 0.5, 1].map((part) => digits((part * largest) / factor)),

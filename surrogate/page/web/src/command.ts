@@ -5,11 +5,11 @@ import type { State } from "./state";
 
 const TOLERANCE = 1e-4; // of the largest displacement, of a series
 
-export function predictCommand({ content, loads, tool, stiffness }: State): string {
+export function predictCommand({ content, loads, tool, stiffness, modulus }: State): string {
   const { run, patch, passes, pressed, series, certified, youngModulus } = content;
   const words = ["surrogate", "predict", quoted(run)];
-  for (const { node, force } of loads.all) {
-    const place = [...content.place(node), ...(patch > 0 ? [patch] : [])];
+  for (const { key, force } of loads.all) {
+    const place = [...content.place(key), ...(patch > 0 ? [patch] : [])];
     words.push(`--load="${place.join(",")}:${force.join(",")}"`);
   }
   loads.pressures.forEach((pressure, i) => {
@@ -17,7 +17,7 @@ export function predictCommand({ content, loads, tool, stiffness }: State): stri
   });
   if (norm(loads.body.force) > 0) words.push(`--body-force="${loads.body.force.join(",")}"`);
   if (tool) words.push(`--tool="sphere:${tool.centre.join(",")}:${tool.radius}"`);
-  if (youngModulus && stiffness !== 1) words.push(`--young-modulus ${youngModulus * stiffness}`);
+  if (youngModulus && stiffness !== 1) words.push(`--young-modulus ${modulus}`);
   if (passes !== null) words.push(`--passes ${passes}`);
   if (series > 0 && certified) words.push(`--tolerance ${TOLERANCE}`);
   return [...words, "--out prediction.npz"].join(" ");

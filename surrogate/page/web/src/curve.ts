@@ -1,6 +1,6 @@
 /** The plot of force against displacement of the dragged node, with its 95 % band. */
 
-import { ceiling, digits, forceUnit, lengthUnit, unitOf } from "./units";
+import { ceiling, digits, unitOf, units } from "./units";
 
 const QUANTILE = 1.96; // of the normal distribution, for 95 %
 const MOST = 2000; // points
@@ -56,8 +56,8 @@ export class Curve {
 
     context.fillStyle = "#465160";
     context.font = "12px system-ui, sans-serif";
-    const [newtons, forceLabel] = unitOf(mostForce, forceUnit());
-    const [metres, lengthLabel] = unitOf(mostLength, lengthUnit());
+    const [newtons, forceLabel] = unitOf(mostForce, units.force);
+    const [metres, lengthLabel] = unitOf(mostLength, units.length);
     for (const part of [0, 0.5, 1]) {
       const [force, length] = [part * mostForce, part * mostLength];
       line("#e2e6eb", 1, [force, 0], [force, mostLength]);

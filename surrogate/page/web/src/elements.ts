@@ -26,14 +26,27 @@ export function onClick(target: HTMLElement, act: () => void): void {
   target.addEventListener("click", act);
 }
 
-/** Listen to an input of finite numbers; the function that shows what it stands for. */
+/** A number that an input stands for. */
+export interface Value {
+  read: () => number;
+  write: (value: number) => void;
+}
+
+/** A number of some. */
+export function entry(values: number[], i: number): Value {
+  return { read: () => values[i], write: (value) => (values[i] = value) };
+}
+
+/** Listen to an input of finite numbers; the function that shows its value. */
 export function bind(
   input: HTMLInputElement,
-  read: () => number,
-  write: (value: number) => void,
+  { read, write }: Value,
+  changed: () => void,
 ): () => void {
   input.addEventListener("input", () => {
-    if (Number.isFinite(input.valueAsNumber)) write(input.valueAsNumber);
+    if (!Number.isFinite(input.valueAsNumber)) return;
+    write(input.valueAsNumber);
+    changed();
   });
   const show = (): void => {
     if (document.activeElement !== input) input.value = typed(read());

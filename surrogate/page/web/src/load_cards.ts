@@ -1,6 +1,6 @@
 /** A card for every load: its place, its components and size to type in, its removal. */
 
-import { bind, find, onClick } from "./elements";
+import { bind, find, onClick, type Value } from "./elements";
 import type { Load } from "./loads";
 import { norm } from "./mechanics/vectors";
 import type { State } from "./state";
@@ -35,7 +35,7 @@ export class LoadCards {
       if (nodes.value === "") return;
       const load = loads.at(Number(nodes.value));
       const half = Number((content.largest.at(-1)! / 2).toPrecision(2));
-      if (norm(load.force) === 0) load.force[content.d - 1] = -half;
+      if (norm(load.force) === 0) resize(load, half);
       nodes.value = "";
       changed();
     });
@@ -54,7 +54,7 @@ export class LoadCards {
     find<HTMLButtonElement>("#remove-all").disabled = !isLoaded && all.length === 0 && !tool;
     all.forEach((load, number) => {
       const { element, shown } = this.cards.get(load) ?? this.card(load);
-      const where = `${content.patches ? "Patch about" : "Node"} ${this.at(load.node)}`;
+      const where = `${content.patches ? "Patch about" : "Node"} ${this.at(load.key)}`;
       find(".name", element).textContent = `${number + 1}: ${where}${load.held ? ", held" : ""}`;
       element.classList.toggle("selected", load === selected);
       element.classList.toggle("beyond", this.state.isDoubtful(load));
@@ -66,33 +66,25 @@ export class LoadCards {
     const { loads } = this.state;
     const template = find<HTMLTemplateElement>("#load").content;
     const element = template.firstElementChild!.cloneNode(true) as HTMLElement;
-    const components = load.force.map((_, i): [() => number, (value: number) => void] => [
-      () => load.force[i],
-      (value) => (load.force[i] = value),
-    ]);
-    const size = (value: number): void => {
-      const before = norm(load.force);
-      if (before === 0) load.force[load.force.length - 1] = -Math.abs(value);
-      else load.force = load.force.map((part) => (part / before) * Math.abs(value));
-    };
-    const turn = (angle: number): void => {
-      const length = norm(load.force);
-      load.force = [length * Math.cos(angle * DEGREE), length * Math.sin(angle * DEGREE)];
-    };
-    const numbers = [
-      ...components,
-      [() => norm(load.force), size] as const,
-      [() => Math.atan2(load.force[1], load.force[0]) / DEGREE, turn] as const,
+    const values: Value[] = [
+      ...load.force.map((_, i) => ({
+        read: () => load.force[i],
+        write: (value: number) => (load.force[i] = value),
+      })),
+      { read: () => norm(load.force), write: (size) => resize(load, size) },
+      {
+        read: () => Math.atan2(load.force[1], load.force[0]) / DEGREE,
+        write: (angle) => turn(load, angle),
+      },
     ];
-    const shown = [...element.querySelectorAll("input")].map((input, i) => {
-      const [read, write] = numbers[i];
-      return bind(input, read, (value) => {
-        loads.selected = load;
-        load.held = null;
-        write(value);
-        this.changed();
-      });
-    });
+    const typedIn = (): void => {
+      loads.selected = load;
+      load.held = null;
+      this.changed();
+    };
+    const shown = [...element.querySelectorAll("input")].map((input, i) =>
+      bind(input, values[i], typedIn),
+    );
     const [name, cross] = element.querySelectorAll("button");
     onClick(name, () => {
       loads.selected = load;
@@ -111,4 +103,18 @@ export class LoadCards {
   private at(node: number): string {
     return place(this.state.content.place(node));
   }
+}
+
+/** Give a force another size in N; without a direction it acts downwards. */
+function resize(load: Load, size: number): void {
+  const before = norm(load.force);
+  const downwards = load.force.map((_, i) => (i === load.force.length - 1 ? -1 : 0));
+  const direction = before > 0 ? load.force.map((part) => part / before) : downwards;
+  load.force = direction.map((part) => part * Math.abs(size));
+}
+
+/** Turn a force in the plane, to an angle in degrees. */
+function turn(load: Load, angle: number): void {
+  const size = norm(load.force);
+  load.force = [size * Math.cos(angle * DEGREE), size * Math.sin(angle * DEGREE)];
 }

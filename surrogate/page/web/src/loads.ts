@@ -2,23 +2,21 @@
 
 import type { Content } from "./content";
 import type { Loading } from "./mechanics/body";
-import { add, norm } from "./mechanics/vectors";
+import { add } from "./mechanics/vectors";
 
 /** In place of a node, for the body force. */
 export const BODY = -1;
 
-export interface Load {
-  readonly node: number;
-  /** d components: in N, of the body force in N/m³. */
+/** A force on something: on a node, or what is about it, or `BODY`; below that, on a node alone. */
+export interface Part {
+  readonly key: number;
+  /** d components: in N, of the body force in N/m³; the size in Pa of a pressure. */
   force: number[];
-  /** Displacement in m at which the node is held, by a force that is sought; null for a given force. */
-  held: number[] | null;
 }
 
-/** A load by what it acts on: a node, what is about it, or `BODY`; below that, a node alone. */
-export interface Part {
-  key: number;
-  force: readonly number[];
+export interface Load extends Part {
+  /** Displacement in m at which the node is held, by a force that is sought; null for a given force. */
+  held: number[] | null;
 }
 
 /** What loads act on. */
@@ -31,7 +29,7 @@ export class Loads {
   /** Forces at nodes or about them, at most one a node. */
   readonly all: Load[] = [];
   readonly body: Load;
-  /** Forces of the tool in N. */
+  /** Forces of the tool in N, on all nodes that it may touch. */
   contacts: Part[] = [];
   /** Pressures on the surfaces in Pa. */
   readonly pressures: number[];
@@ -42,14 +40,9 @@ export class Loads {
     this.body = this.none(BODY);
   }
 
-  /** The loads that are not zero, the body force among them. */
-  get acting(): Load[] {
-    return [...this.all, this.body].filter((load) => norm(load.force) > 0);
-  }
-
   /** The load at a node, added if there is none; it becomes the selected one. */
   at(node: number): Load {
-    let load = this.all.find((other) => other.node === node);
+    let load = this.all.find((other) => other.key === node);
     if (!load) this.all.push((load = this.none(node)));
     this.selected = load;
     return load;
@@ -69,7 +62,7 @@ export class Loads {
 
   /** All that keeps its direction. */
   dead(): Part[] {
-    return [...this.acting.map(({ node, force }) => ({ key: node, force })), ...this.contacts];
+    return [...this.all, this.body, ...this.contacts].filter(({ force }) => force.some(Boolean));
   }
 
   /** All that acts, the tool and pressures, as on the undeformed body, among it. */
@@ -116,8 +109,8 @@ export class Loads {
     return sum;
   }
 
-  private none(node: number): Load {
-    return { node, force: new Array<number>(this.on.d).fill(0), held: null };
+  private none(key: number): Load {
+    return { key, force: new Array<number>(this.on.d).fill(0), held: null };
   }
 
   /** What the pressure on a surface acts on. */

@@ -11,7 +11,7 @@ import { State } from "./state";
 import { Contact } from "./touch/contact";
 import { Grip } from "./touch/grip";
 import { Search } from "./touch/search";
-import { useUnits } from "./units";
+import { units } from "./units";
 import { Scene } from "./view/scene";
 import { movableSurface } from "./view/body_mesh";
 
@@ -49,16 +49,12 @@ function extentOf({ coordinates, d }: { coordinates: Float64Array; d: number }):
 async function start(): Promise<void> {
   const content = await readContent();
   const extent = extentOf(content);
-  useUnits(content.units, extent);
+  Object.assign(units, content.units, { negligible: 1e-12 * extent });
   const state = new State(content);
   const { loads } = state;
   const panel = new Panel(state, {
-    changed: () => {
-      change(null);
-    },
-    recoloured: () => {
-      show();
-    },
+    changed: () => change(null),
+    recoloured: () => show(),
     save: (kind) => {
       scene.drawWhole();
       void save(kind, state, scene);
@@ -171,15 +167,15 @@ async function start(): Promise<void> {
   const addToCurve = (): void => {
     const { selected } = loads;
     if (!selected) return;
-    const u = norm(state.displacementAt(selected.node));
-    const deviation = state.deviationAlong(selected.node);
-    panel.curve.add(selected.node, norm(selected.force), u, deviation);
+    const u = norm(state.displacementAt(selected.key));
+    const deviation = state.deviationAlong(selected.key);
+    panel.curve.add(selected.key, norm(selected.force), u, deviation);
   };
 
   listen(scene, state, surface, {
     pressed: (load) => {
       panel.curve.clear();
-      if (content.needsResponse) columns(load.node);
+      if (content.needsResponse) columns(load.key);
     },
     moved: change,
     pointed: show,
@@ -210,9 +206,7 @@ async function start(): Promise<void> {
   };
   show();
   performance.mark("first frame");
-  const prediction = new Prediction(state, () => {
-    change(null);
-  });
+  const prediction = new Prediction(state, () => change(null));
   handle.ready = prepare();
   Object.assign(window, { surrogatePage: handle });
   await handle.ready;

@@ -3,12 +3,12 @@
 import { bar, COLOUR_FIELDS, type FieldName } from "./colours";
 import { predictCommand } from "./command";
 import { Curve } from "./curve";
-import { bind, element, find, inputs, onClick } from "./elements";
+import { bind, element, entry, find, inputs, onClick, type Value } from "./elements";
 import { LoadCards } from "./load_cards";
 import { norm } from "./mechanics/vectors";
 import type { Kind } from "./save";
 import type { Gesture, State } from "./state";
-import { asForce, asLength, digits, forceUnit, lengthUnit, place, typed, unitOf } from "./units";
+import { asForce, asLength, digits, place, unitOf, units } from "./units";
 
 const PASTED = 2000; // ms that a button says so
 
@@ -32,56 +32,24 @@ export class Panel {
     private readonly state: State,
     private readonly actions: Actions,
   ) {
-    const { loads, content } = state;
+    const { loads } = state;
     this.cards = new LoadCards(state, actions.changed);
-    const bound = (
-      input: HTMLInputElement,
-      read: () => number,
-      write: (value: number) => void,
-    ): void => {
-      const written = (value: number): void => {
-        write(value);
-        actions.changed();
-      };
-      this.shown.push(bind(input, read, written));
-    };
-    const sliders: [string, number[]][] = [
-      ["#body-force", loads.body.force],
-      ["#pressures", loads.pressures],
-    ];
-    for (const [selector, values] of sliders) {
-      inputs(selector).forEach((input, i) => {
-        bound(
-          input,
-          () => values[i >> 1],
-          (value) => (values[i >> 1] = value),
-        );
-      });
-    }
-    const modulus = content.youngModulus ?? 1;
-    const stiffen = (value: number): void => {
-      if (value > 0) state.stiffness = value / modulus;
-    };
-    const [decades, pascals] = inputs("#stiffness");
-    if (content.youngModulus) {
-      const slid = (value: number): number => Number(typed(10 ** value * modulus));
-      bound(
-        decades,
-        () => Math.log10(state.stiffness),
-        (value) => {
-          stiffen(value === 0 ? modulus : slid(value));
-        },
+    const inPairs = (values: number[]): Value[] =>
+      values.flatMap((_, i) => [entry(values, i), entry(values, i)]);
+    const values = {
+      "#body-force": inPairs(loads.body.force),
+      "#pressures": inPairs(loads.pressures),
+      "#stiffness": [
+        { read: () => Math.log10(state.stiffness), write: (decades) => state.stiffen(decades) },
+        { read: () => state.modulus, write: (modulus) => (state.modulus = modulus) },
+      ],
+      "#tool": [{ read: () => state.radius, write: (radius) => state.resize(radius) }],
+    } satisfies Record<string, Value[]>;
+    for (const [selector, some] of Object.entries(values)) {
+      inputs(selector).forEach((input, i) =>
+        this.shown.push(bind(input, some[i], actions.changed)),
       );
-      bound(pascals, () => modulus * state.stiffness, stiffen);
     }
-    bound(
-      find("#radius"),
-      () => state.radius,
-      (radius) => {
-        if (radius > 0) state.radius = radius;
-        state.put(null);
-      },
-    );
     onClick(find("#take-away"), () => {
       state.put(null);
       actions.changed();
@@ -95,9 +63,7 @@ export class Panel {
     find("#colours").append(...state.choices.map((name) => this.choice(name)));
     onClick(find("#copy"), copy);
     for (const kind of ["png", "csv", "npz"] as const) {
-      onClick(find(`#save-${kind}`), () => {
-        actions.save(kind);
-      });
+      onClick(find(`#save-${kind}`), () => actions.save(kind));
     }
   }
 
@@ -119,7 +85,7 @@ export class Panel {
     if (content.certified) this.updateEstimate();
     this.updateReadout();
     find("#command").textContent = state.isLoaded ? predictCommand(state) : "Set a load first.";
-    const node = loads.selected?.node;
+    const node = loads.selected?.key;
     const band = content.passes !== null || Object.keys(content.deviations).length > 0;
     find("#curve-title").textContent =
       node === undefined
@@ -152,8 +118,8 @@ export class Panel {
     find("#tool").hidden = gesture !== "push" && !tool;
     reading.hidden = !tool;
     const force = this.state.reaction();
-    const [factor] = unitOf(norm(force), forceUnit());
-    const count = loads.contacts.length;
+    const [factor] = unitOf(norm(force), units.force);
+    const count = loads.contacts.filter(({ force }) => force.some(Boolean)).length;
     const nodes = `${count} node${count === 1 ? "" : "s"}`;
     const components = place(force.map((value) => value / factor));
     reading.textContent =
@@ -170,9 +136,9 @@ export class Panel {
     find("#bar .name").textContent = isShown ? title : `${label}: ${this.missing()}`;
     find("#bar .ramp").hidden = !isShown;
     find("#bar .ramp").style.background = ramp(palette);
-    document.querySelectorAll("#bar span").forEach((tick, i) => {
-      tick.textContent = isShown ? ticks[i] : "";
-    });
+    document
+      .querySelectorAll("#bar span")
+      .forEach((tick, i) => (tick.textContent = isShown ? ticks[i] : ""));
   }
 
   /** Why there are no values of the chosen field. */
@@ -199,7 +165,7 @@ export class Panel {
 
   private updateReadout(): void {
     const { state } = this;
-    const node = state.node ?? state.loads.selected?.node ?? null;
+    const node = state.node ?? state.loads.selected?.key ?? null;
     if (node === null) {
       find("#readout").replaceChildren(element("dd", "Point at the body.", "none"));
       return;
@@ -220,7 +186,7 @@ export class Panel {
   }
 
   private placeOf(node: number): string {
-    return `${place(this.state.content.place(node), 4)} ${lengthUnit()}`;
+    return `${place(this.state.content.place(node), 4)} ${units.length}`;
   }
 
   /** The choice of a colour field. */

@@ -14,7 +14,7 @@ export interface Reactions {
   /** A drag has begun: `moved` follows. */
   pressed: (load: Load) => void;
   /** Loads have changed, by an event at a time in ms. */
-  moved: (time: number) => unknown;
+  moved: (time: number) => void;
   /** Another node is pointed at. */
   pointed: () => void;
 }
@@ -106,9 +106,7 @@ export function listen(
     const start = tool.wanted;
     return {
       through: new Vector3().fromArray([...start, 0]),
-      follow: (pull) => {
-        tool.wanted = moved(start, pull, 1);
-      },
+      follow: (pull) => (tool.wanted = moved(start, pull, 1)),
     };
   };
 
@@ -134,60 +132,39 @@ export function listen(
 
   const nodes = loadableNodes(content);
 
-  /** Go through the nodes that can be loaded. */
-  const choose = (by: number) => (): void => {
-    const next = nodes.indexOf(state.node ?? -1) + by;
-    point(nodes[(next + nodes.length) % nodes.length] ?? null);
-  };
-
-  const zoom = (factor: number) => (): void => {
-    scene.zoom(factor);
-  };
-
-  const home = (): void => {
-    scene.home();
-    scene.draw();
-  };
-
-  /** Change the selected force along an axis of the screen. */
-  const push =
-    (axis: number, sign: number) =>
-    (event: KeyboardEvent): unknown => {
-      const { selected } = loads;
-      if (!selected) return false;
-      const step = (event.shiftKey ? 5 : 1) * sign * STEP * Math.max(...content.largest);
+  /** Do what a key asks for; false if it means nothing here. */
+  const act = ({ key, shiftKey, timeStamp }: KeyboardEvent): boolean => {
+    const { selected } = loads;
+    const arrow = { ArrowLeft: -1, ArrowRight: 1, ArrowDown: -2, ArrowUp: 2 }[key];
+    if (arrow !== undefined && selected) {
+      const step = (shiftKey ? 5 : 1) * Math.sign(arrow) * STEP * Math.max(...content.largest);
       selected.held = null;
-      selected.force = moved(selected.force, scene.axis(axis), step);
-      return reactions.moved(event.timeStamp);
-    };
-
-  const load = (event: KeyboardEvent): unknown => {
-    if (state.node === null) return false;
-    reactions.pressed(loads.at(state.node));
-    return reactions.moved(event.timeStamp);
+      selected.force = moved(selected.force, scene.axis(Math.abs(arrow) - 1), step);
+    } else if (key === "Enter" && state.node !== null) {
+      reactions.pressed(loads.at(state.node));
+    } else if ((key === "Delete" || key === "Backspace") && selected) {
+      loads.remove(selected);
+    } else {
+      return look(key);
+    }
+    reactions.moved(timeStamp);
+    return true;
   };
 
-  const remove = (event: KeyboardEvent): unknown => {
-    if (!loads.selected) return false;
-    loads.remove(loads.selected);
-    return reactions.moved(event.timeStamp);
-  };
-
-  /** What keys do; false if that means nothing now. */
-  const keys: Partial<Record<string, (event: KeyboardEvent) => unknown>> = {
-    ArrowLeft: push(0, -1),
-    ArrowRight: push(0, 1),
-    ArrowDown: push(1, -1),
-    ArrowUp: push(1, 1),
-    ",": choose(-1),
-    ".": choose(1),
-    Enter: load,
-    Delete: remove,
-    Backspace: remove,
-    "+": zoom(ZOOM),
-    "=": zoom(ZOOM),
-    "-": zoom(1 / ZOOM),
-    "0": home,
+  /** Choose a node, or change the view; false if a key means neither. */
+  const look = (key: string): boolean => {
+    if (key === "," || key === ".") {
+      const next = nodes.indexOf(state.node ?? -1) + (key === "." ? 1 : -1);
+      point(nodes[(next + nodes.length) % nodes.length] ?? null);
+    } else if (key === "+" || key === "=" || key === "-") {
+      scene.zoom(key === "-" ? 1 / ZOOM : ZOOM);
+    } else if (key === "0") {
+      scene.home();
+      scene.draw();
+    } else {
+      return false;
+    }
+    return true;
   };
 
   canvas.addEventListener("pointerdown", down, { capture: true });
@@ -196,8 +173,8 @@ export function listen(
   canvas.addEventListener("pointercancel", release);
   canvas.addEventListener("pointerleave", leave);
   canvas.addEventListener("keydown", (event) => {
-    const act = event.ctrlKey || event.altKey || event.metaKey ? undefined : keys[event.key];
-    if (act && act(event) !== false) event.preventDefault();
+    if (event.ctrlKey || event.altKey || event.metaKey) return;
+    if (act(event)) event.preventDefault();
   });
 }
 

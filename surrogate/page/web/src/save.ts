@@ -4,7 +4,7 @@ import { zipSync, type Zippable } from "fflate";
 import { bar, COLOUR_FIELDS } from "./colours";
 import { norm } from "./mechanics/vectors";
 import type { State } from "./state";
-import { asForce, forceUnit, lengthUnit, place } from "./units";
+import { asForce, place, units } from "./units";
 import type { Scene } from "./view/scene";
 
 export type Kind = "png" | "csv" | "npz";
@@ -16,9 +16,7 @@ export async function save(kind: Kind, state: State, scene: Scene): Promise<void
   link.href = URL.createObjectURL(await makers[kind](state, scene));
   link.download = `${state.content.case}.${kind}`;
   link.click();
-  setTimeout(() => {
-    URL.revokeObjectURL(link.href);
-  }, 10_000);
+  setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
 }
 
 /** Nodal vectors, (nodes · d), by their names in solution files. */
@@ -82,9 +80,7 @@ async function asPng(state: State, { canvas, largest }: Scene): Promise<Blob> {
   context.font = "600 17px system-ui, sans-serif";
   context.fillText(state.content.case, 18, 30);
   context.font = "14px system-ui, sans-serif";
-  loadTexts(state).forEach((text, row) => {
-    context.fillText(text, 18, 54 + 20 * row);
-  });
+  loadTexts(state).forEach((text, row) => context.fillText(text, 18, 54 + 20 * row));
   if (!state.values()) return picture.convertToBlob();
   const { title, ticks } = bar(state.field, largest);
   const [height, width] = [canvas.clientHeight, Math.min(300, canvas.clientWidth - 36)];
@@ -95,9 +91,7 @@ async function asPng(state: State, { canvas, largest }: Scene): Promise<Blob> {
   });
   const ramp = context.createLinearGradient(18, 0, 18 + width, 0);
   const { palette } = COLOUR_FIELDS[state.field];
-  palette.forEach((colour, i) => {
-    ramp.addColorStop(i / (palette.length - 1), colour);
-  });
+  palette.forEach((colour, i) => ramp.addColorStop(i / (palette.length - 1), colour));
   context.fillStyle = ramp;
   context.fillRect(18, height - 46, width, 14);
   return picture.convertToBlob();
@@ -106,12 +100,12 @@ async function asPng(state: State, { canvas, largest }: Scene): Promise<Blob> {
 /** Lines that say the loads. */
 function loadTexts(state: State): string[] {
   const { all, body } = state.loads;
-  const texts = all.map(({ node, force }, number) => {
-    const at = `${place(state.content.place(node))} ${lengthUnit()}`;
+  const texts = all.map(({ key, force }, number) => {
+    const at = `${place(state.content.place(key))} ${units.length}`;
     return `${number + 1}: ${asForce(norm(force))} at ${at}`;
   });
   if (norm(body.force) > 0)
-    texts.push(`Body force ${place(body.force)} ${forceUnit()}/${lengthUnit()}³`);
+    texts.push(`Body force ${place(body.force)} ${units.force}/${units.length}³`);
   if (state.tool) texts.push(`Sphere: ${asForce(norm(state.reaction()))}`);
   return texts;
 }

@@ -47,6 +47,27 @@ export class State {
     return ["displacement", ...kinds, ...(this.content.certified ? (["error"] as const) : [])];
   }
 
+  /** Young's modulus in Pa; over that of the training, where this is unknown. */
+  get modulus(): number {
+    return (this.content.youngModulus ?? 1) * this.stiffness;
+  }
+
+  set modulus(modulus: number) {
+    if (modulus > 0) this.stiffness = modulus / (this.content.youngModulus ?? 1);
+  }
+
+  /** Be stiffer than in the training by some decades. */
+  stiffen(decades: number): void {
+    const modulus = (this.content.youngModulus ?? 1) * 10 ** decades;
+    this.modulus = decades === 0 ? modulus : Number(modulus.toPrecision(4));
+  }
+
+  /** Take the sphere away; the next one has another radius in m. */
+  resize(radius: number): void {
+    if (radius > 0) this.radius = radius;
+    this.put(null);
+  }
+
   get isLoaded(): boolean {
     return this.loads.parts().length > 0;
   }
@@ -121,9 +142,9 @@ export class State {
   }
 
   /** Whether a load is larger than those of the training, or elsewhere, and no estimate allays it. */
-  isDoubtful({ node, force }: Load): boolean {
+  isDoubtful({ key, force }: Load): boolean {
     const { trained } = this.content;
-    if (!trained || (!isBeyond(force, trained.largest) && trained.loadable[node])) return false;
+    if (!trained || (!isBeyond(force, trained.largest) && trained.loadable[key])) return false;
     return this.estimate?.isBad !== false;
   }
 }

@@ -1,20 +1,7 @@
 /** Numbers with units, as people read them. */
 
 /** Labels of the units of the case, and the length below which a length is a rounding error. */
-const shown = { length: "m", force: "N", negligible: 0 };
-
-/** Take the labels of the case, and the size of its body. */
-export function useUnits(units: { length: string; force: string }, size: number): void {
-  Object.assign(shown, units, { negligible: 1e-12 * size });
-}
-
-export function lengthUnit(): string {
-  return shown.length;
-}
-
-export function forceUnit(): string {
-  return shown.force;
-}
+export const units = { length: "m", force: "N", negligible: 0 };
 
 const PREFIXES: [number, string][] = [
   [1e6, "M"],
@@ -51,15 +38,15 @@ function inUnit(value: number, unit: string, count: number): string {
 
 /** Without rounding errors: a length that the body's size makes negligible is zero. */
 function rounded(length: number): number {
-  return Math.abs(length) < shown.negligible ? 0 : length;
+  return Math.abs(length) < units.negligible ? 0 : length;
 }
 
 export function asLength(value: number, count = 3): string {
-  return inUnit(rounded(value), shown.length, count);
+  return inUnit(rounded(value), units.length, count);
 }
 
 export function asForce(value: number, count = 3): string {
-  return inUnit(value, shown.force, count);
+  return inUnit(value, units.force, count);
 }
 
 /** Coordinates in the unit of the case, in parentheses. */

@@ -138,9 +138,9 @@ export class Equilibrium {
     const values = this.profile.zeros();
     const rows = this.numbers.length / this.solid.cellCount;
     this.solid.set(0, this.solid.slopes(u));
-    this.solid.tangents(kind === "pointwise" && !this.negative ? "full" : kind, (cell, k) => {
-      this.profile.add(values, this.numbers.subarray(cell * rows, (cell + 1) * rows), k);
-    });
+    this.solid.tangents(kind === "pointwise" && !this.negative ? "full" : kind, (cell, k) =>
+      this.profile.add(values, this.numbers.subarray(cell * rows, (cell + 1) * rows), k),
+    );
     return values;
   }
 
@@ -162,9 +162,9 @@ export class Equilibrium {
       for (const [components, k] of skew) {
         const n = components.length;
         const local = Float64Array.from(components, (i) => x[i]);
-        components.forEach((i, row) => {
-          found[i] += dot(k.subarray(row * n, (row + 1) * n), local);
-        });
+        components.forEach(
+          (i, row) => (found[i] += dot(k.subarray(row * n, (row + 1) * n), local)),
+        );
       }
       return plus(x, symmetric(found));
     };

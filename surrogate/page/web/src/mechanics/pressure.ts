@@ -36,16 +36,22 @@ export class Pressure {
     const { series, components, sizes } = this;
     const { inputs, outputs } = series.recording;
     terms.forEach((u, k) => {
-      series.at(k, 0, true, inputs).forEach((_, i, to) => {
-        to[i] = u[components[i]] + (k === 0 ? this.coordinates[components[i]] : 0);
-      });
+      series
+        .at(k, 0, true, inputs)
+        .forEach(
+          (_, i, to) =>
+            (to[i] = u[components[i]] + (k === 0 ? this.coordinates[components[i]] : 0)),
+        );
       series.run(k, 0);
     });
     const found = new Float64Array(this.coordinates.length);
     outputs.forEach((slot, output) => {
-      series.at(terms.length - 1, slot).forEach((force, facet) => {
-        found[components[output * sizes.length + facet]] += sizes[facet] * force;
-      });
+      series
+        .at(terms.length - 1, slot)
+        .forEach(
+          (force, facet) =>
+            (found[components[output * sizes.length + facet]] += sizes[facet] * force),
+        );
     });
     return found;
   }
@@ -61,9 +67,11 @@ export class Pressure {
       series.at(1, column, true).fill(1);
       series.run(1, 0);
       outputs.forEach((slot, row) => {
-        series.at(1, slot).forEach((change, facet) => {
-          blocks[facet][row * inputs + column] = -sizes[facet] * change;
-        });
+        series
+          .at(1, slot)
+          .forEach(
+            (change, facet) => (blocks[facet][row * inputs + column] = -sizes[facet] * change),
+          );
       });
     }
     blocks.forEach((k, facet) => {

@@ -120,36 +120,22 @@ export class Profile {
 
   /** A⁻¹ b with a factor, for b and the result at all components; beyond a shorter b there is 0. */
   solve({ values, signs }: Factor, right: Float64Array): Float64Array {
-    const { groups, starts, bases, order } = this;
-    const x = new Float64Array(groups * GROUP);
+    const { order, starts, bases } = this;
+    const x = new Float64Array(signs.length);
     order.forEach((component, row) => (x[row] = right[component] ?? 0));
-    for (let group = 0; group < groups; group++) {
-      const end = group * GROUP;
-      let [s0, s1, s2, s3] = [0, 0, 0, 0];
-      let at = bases[group] + GROUP * starts[group];
-      for (let k = starts[group]; k < end; k++, at += GROUP) {
-        s0 += values[at] * x[k];
-        s1 += values[at + 1] * x[k];
-        s2 += values[at + 2] * x[k];
-        s3 += values[at + 3] * x[k];
-      }
-      [s0, s1, s2, s3].forEach((sum, r) => (x[end + r] -= sum));
-      for (let row = end; row < end + GROUP; row++) {
-        for (let k = end; k < row; k++) x[row] -= values[this.at(row, k)] * x[k];
-        x[row] /= values[this.at(row, row)];
-      }
+    for (let row = 0; row < x.length; row++) {
+      const [group, first] = [row >> 2, bases[row >> 2] + (row & 3)];
+      let sum = x[row];
+      for (let k = starts[group], at = first + GROUP * k; k < row; k++, at += GROUP)
+        sum -= values[at] * x[k];
+      x[row] = sum / values[first + GROUP * row];
     }
     for (let row = 0; row < x.length; row++) x[row] *= signs[row];
-    for (let group = groups - 1; group >= 0; group--) {
-      const end = group * GROUP;
-      for (let row = end + GROUP - 1; row >= end; row--) {
-        x[row] /= values[this.at(row, row)];
-        for (let k = end; k < row; k++) x[k] -= values[this.at(row, k)] * x[row];
-      }
-      const [x0, x1, x2, x3] = x.subarray(end, end + GROUP);
-      let at = bases[group] + GROUP * starts[group];
-      for (let k = starts[group]; k < end; k++, at += GROUP)
-        x[k] -= values[at] * x0 + values[at + 1] * x1 + values[at + 2] * x2 + values[at + 3] * x3;
+    for (let row = x.length - 1; row >= 0; row--) {
+      const [group, first] = [row >> 2, bases[row >> 2] + (row & 3)];
+      const value = (x[row] /= values[first + GROUP * row]);
+      for (let k = starts[group], at = first + GROUP * k; k < row; k++, at += GROUP)
+        x[k] -= values[at] * value;
     }
     const found = new Float64Array(right.length);
     order.forEach((component, row) => {

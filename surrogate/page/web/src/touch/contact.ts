@@ -20,7 +20,7 @@ const DEEP = 1e-6; // over the body's size: depth of a node
 const REACH = 0.1; // over the body's size: distance of nodes that are looked at
 
 export class Contact implements Condition {
-  readonly keys: readonly number[];
+  readonly parts: readonly Part[];
   readonly stride: number;
 
   /**
@@ -33,7 +33,9 @@ export class Contact implements Condition {
     private readonly surface: readonly number[],
     private readonly extent: number,
   ) {
-    this.keys = surface.map((node) => state.loads.alone(node));
+    const { loads, content } = state;
+    const none = content.largest.map(() => 0);
+    this.parts = loads.contacts = surface.map((node) => ({ key: loads.alone(node), force: none }));
     this.stride = STRIDE * tool.radius;
   }
 
@@ -47,24 +49,6 @@ export class Contact implements Condition {
 
   get wanted(): number[] {
     return this.tool.wanted;
-  }
-
-  get force(): Float64Array {
-    const { loads, content } = this.state;
-    const acting = new Map(loads.contacts.map(({ key, force }) => [key, force]));
-    const none = new Array<number>(content.d).fill(0);
-    return Float64Array.from(this.keys.flatMap((key) => acting.get(key) ?? none));
-  }
-
-  set force(force: Float64Array) {
-    this.state.loads.contacts = this.keys
-      .map((key, k) => ({ key, force: [...at(force, k, this.tool.centre.length)] }))
-      .filter((contact) => contact.force.some(Boolean));
-  }
-
-  get beside(): Part[] {
-    const { contacts } = this.state.loads;
-    return this.state.loads.dead().filter((part) => !contacts.includes(part));
   }
 
   /** Largest depth of a node, or distance of one that bears a force. */
@@ -131,9 +115,7 @@ export class Contact implements Condition {
       if (step === STEPS - 1) return "none";
     }
     const forces = new Float64Array(force.length);
-    close.forEach((k, row) => {
-      forces.set(at(total, row, d), k * d);
-    });
+    close.forEach((k, row) => forces.set(at(total, row, d), k * d));
     return forces;
   }
 

@@ -1,6 +1,6 @@
 /** Places that are held, as `Held` of `surrogate/mechanics/touch/condition.py`: f ← f + C⁻¹ (ū − u). */
 
-import type { Load, Part } from "../loads";
+import type { Load } from "../loads";
 import { largest, plus, solve } from "../mechanics/vectors";
 import type { State } from "../state";
 import type { LinearBody } from "./linear_body";
@@ -9,7 +9,6 @@ import type { Condition, Found } from "./search";
 const STRIDE = 0.25; // over the body's size
 
 export class Grip implements Condition {
-  readonly keys: readonly number[];
   readonly stride: number;
   at: number[];
   /** Components of the nodes, one node after the other. */
@@ -18,32 +17,17 @@ export class Grip implements Condition {
   /** @param extent - of the body in m */
   constructor(
     private readonly state: State,
-    private readonly held: readonly Load[],
+    readonly parts: readonly Load[],
     extent: number,
   ) {
     const { d } = state.content;
-    this.keys = held.map(({ node }) => node);
-    this.dofs = this.keys.flatMap((node) => Array.from({ length: d }, (_, i) => node * d + i));
+    this.dofs = parts.flatMap(({ key, force }) => force.map((_, i) => key * d + i));
     this.stride = STRIDE * extent;
-    this.at = this.keys.flatMap((node) => state.displacementAt(node));
+    this.at = parts.flatMap(({ key }) => state.displacementAt(key));
   }
 
   get wanted(): number[] {
-    return this.held.flatMap((load) => load.held!);
-  }
-
-  get force(): Float64Array {
-    return Float64Array.from(this.held.flatMap(({ force }) => force));
-  }
-
-  set force(force: Float64Array) {
-    const { d } = this.state.content;
-    this.held.forEach((load, k) => (load.force = [...force.subarray(k * d, k * d + d)]));
-  }
-
-  get beside(): Part[] {
-    const { loads } = this.state;
-    return loads.dead().filter(({ key }) => !this.keys.includes(key));
+    return this.parts.flatMap((load) => load.held!);
   }
 
   wrong(u: Float64Array): number {
@@ -56,7 +40,7 @@ export class Grip implements Condition {
 
   forces(body: LinearBody, u: Float64Array, force: Float64Array): Found {
     const n = this.dofs.length;
-    const compliance = body.compliance(this.dofs, [...this.keys.keys()]);
+    const compliance = body.compliance(this.dofs, [...this.parts.keys()]);
     if (!compliance) return "missing";
     this.dofs.forEach((dof, row) => {
       if (!this.state.content.held[dof]) return;

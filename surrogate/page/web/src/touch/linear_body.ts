@@ -7,8 +7,8 @@
  * with updates that keep C symmetric and positive definite.
  */
 
-import type { Loads } from "../loads";
-import { add, dot, norm, plus } from "../mechanics/vectors";
+import type { Loads, Part } from "../loads";
+import { add, at, dot, norm, plus } from "../mechanics/vectors";
 
 const UPDATES = 40; // changes that are kept
 const RECENT = 8; // those that are kept when there are too many
@@ -21,9 +21,8 @@ export class LinearBody {
   private vectors: { vector: Float64Array; sign: number }[] = [];
   private changes: [change: Float64Array, effect: Float64Array][] = [];
 
-  /** @param keys - the loads (`Part`) */
   constructor(
-    private readonly keys: readonly number[],
+    private readonly parts: readonly Part[],
     private readonly loads: Loads,
     private readonly columns: Columns,
   ) {}
@@ -36,12 +35,12 @@ export class LinearBody {
 
   /** Displacements of components of the nodes by units of some of the loads, (dofs · units); null if unknown. */
   compliance(dofs: readonly number[], of: readonly number[]): Float64Array | null {
-    const columns = of.map((place) => this.columns(this.keys[place]));
+    const columns = of.map((place) => this.columns(this.parts[place].key));
     if (columns.includes(null)) return null;
     const units = columns.flat() as Float64Array[];
     const found = Float64Array.from(dofs.flatMap((dof) => units.map((column) => column[dof])));
     for (const { vector, sign } of this.vectors) {
-      const right = of.flatMap((place) => this.loads.along(this.keys[place], vector));
+      const right = of.flatMap((place) => this.loads.along(this.parts[place].key, vector));
       dofs.forEach((dof, row) => {
         const left = sign * vector[dof];
         for (let j = 0; j < right.length; j++) found[row * right.length + j] += left * right[j];
@@ -87,9 +86,7 @@ export class LinearBody {
     for (const [key, own] of this.acting(change)) {
       const columns = this.columns(key);
       if (!columns) return null;
-      columns.forEach((column, i) => {
-        add(sum, column, own[i]);
-      });
+      columns.forEach((column, i) => add(sum, column, own[i]));
     }
     for (const { vector, sign } of this.vectors) add(sum, vector, sign * this.work(vector, change));
     return sum;
@@ -97,12 +94,9 @@ export class LinearBody {
 
   /** Loads whose forces are not zero, with these. */
   private acting(force: Float64Array): [key: number, own: Float64Array][] {
-    const d = force.length / this.keys.length;
-    return this.keys
-      .map((key, place): [number, Float64Array] => [
-        key,
-        force.subarray(place * d, (place + 1) * d),
-      ])
+    const d = force.length / this.parts.length;
+    return this.parts
+      .map(({ key }, place): [number, Float64Array] => [key, at(force, place, d)])
       .filter(([, own]) => own.some(Boolean));
   }
 

@@ -7,7 +7,7 @@
  */
 
 import type { Part } from "../loads";
-import { plus } from "../mechanics/vectors";
+import { at, plus } from "../mechanics/vectors";
 import type { State } from "../state";
 import { LinearBody, type Columns } from "./linear_body";
 
@@ -20,17 +20,13 @@ const MOST = 30; // predictions without getting there
 
 /** What is wanted of the body, by forces on some loads: (loads · d) in N. */
 export interface Condition {
-  /** What the forces act on (`Part`). */
-  readonly keys: readonly number[];
+  /** The forces that are sought. */
+  readonly parts: readonly Part[];
   /** Where it is, and where it shall be, in m. */
   at: number[];
   readonly wanted: number[];
   /** How far it goes at once in m. */
   readonly stride: number;
-  /** The forces that act. */
-  force: Float64Array;
-  /** What acts beside them. */
-  readonly beside: readonly Part[];
   /** How far a displacement of all nodes is from it in m, and what that is relative to. */
   wrong: (u: Float64Array, force: Float64Array) => number;
   size: (u: Float64Array) => number;
@@ -94,16 +90,18 @@ export class Search<T> {
       this.about = about;
       this.good = this.last = null;
       this.condition = about.length > 0 ? this.make(about) : null;
-      this.body = new LinearBody(this.condition?.keys ?? [], this.state.loads, this.columns);
+      this.body = new LinearBody(this.condition?.parts ?? [], this.state.loads, this.columns);
     }
     const { condition, last } = this;
     if (!condition) return "there";
     const { content, loads, stiffness } = this.state;
-    const force = condition.force.map((value) => value / stiffness);
+    const { parts } = condition;
+    const force = Float64Array.from(parts.flatMap((part) => part.force.map((f) => f / stiffness)));
     const u = Float64Array.from(
       this.state.displacement ?? new Float64Array(content.nodes * content.d),
     );
-    const beside = JSON.stringify([stiffness, loads.pressures, condition.beside]);
+    const others = loads.dead().filter((part) => !parts.includes(part));
+    const beside = JSON.stringify([stiffness, loads.pressures, others]);
     if (last?.beside === beside) {
       this.body.learn(plus(force, last.force, -1), plus(u, last.u, -1));
     } else {
@@ -113,13 +111,13 @@ export class Search<T> {
     if (wrong <= TOLERANCE * condition.size(u) + REST * this.extent) {
       return this.arrive(condition, force);
     }
-    if (this.left-- === 0) return this.withdraw(condition);
+    if (this.left-- === 0) return this.withdraw(condition, force.length);
     if (this.last && wrong > LARGER * this.last.wrong && this.last.part / 2 >= SHORTEST) {
       return this.take(condition, { ...this.last, part: this.last.part / 2 });
     }
     const wanted = condition.forces(this.body, u, force);
     if (wanted === "missing") return "missing";
-    if (wanted === "none") return this.withdraw(condition);
+    if (wanted === "none") return this.withdraw(condition, force.length);
     return this.take(condition, { beside, u, force, wanted, wrong, part: 1 });
   }
 
@@ -133,13 +131,13 @@ export class Search<T> {
   }
 
   /** Go back to where the condition could be fulfilled, and on from there in smaller strides. */
-  private withdraw(condition: Condition): Outcome {
+  private withdraw(condition: Condition, length: number): Outcome {
     this.last = null;
     this.left = MOST;
     this.stride /= 4;
     this.body.forget();
     condition.at = this.good?.at ?? condition.at;
-    this.bear(condition, this.good?.force ?? condition.force.fill(0));
+    this.bear(condition, this.good?.force ?? new Float64Array(length));
     if (!this.good || this.stride < SMALLEST) return "lost";
     this.approach(condition);
     return "moves";
@@ -164,7 +162,8 @@ export class Search<T> {
   }
 
   /** Let forces act, which are those of the body of the training. */
-  private bear(condition: Condition, force: Float64Array): void {
-    condition.force = force.map((value) => value * this.state.stiffness);
+  private bear({ parts }: Condition, force: Float64Array): void {
+    const borne = force.map((value) => value * this.state.stiffness);
+    parts.forEach((part, k) => (part.force = [...at(borne, k, this.state.content.d)]));
   }
 }

@@ -1,11 +1,11 @@
 /** The arrows of the loads, each with its label. */
 
-import { ConeGeometry, CylinderGeometry, Group, MathUtils, Mesh, Vector3 } from "three";
+import { type Color, ConeGeometry, CylinderGeometry, Group, MathUtils, Mesh, Vector3 } from "three";
 import { element } from "../elements";
 import type { Load } from "../loads";
 import type { State } from "../state";
 import { asForce } from "../units";
-import { material, rgb } from "./materials";
+import { material } from "./materials";
 
 const SELECTED = 0xc2410c;
 const OTHER = 0x7c3a1d;
@@ -77,13 +77,13 @@ export class Arrows {
     all.forEach((load, number) => {
       const arrow = this.arrows.get(load) ?? this.add(load);
       const vector = new Vector3().fromArray([...load.force, 0]).multiplyScalar(metres);
-      arrow.place(at(load.node), vector);
+      arrow.place(at(load.key), vector);
       const colour = this.state.isDoubtful(load) ? BEYOND : load === selected ? SELECTED : OTHER;
-      arrow.look.uniforms.colour.value = rgb(colour);
+      (arrow.look.uniforms.colour.value as Color).set(colour);
       const force = asForce(vector.length() / metres);
       arrow.label.textContent = `${number + 1}: ${force}${load.held ? ", held" : ""}`;
       arrow.label.classList.toggle("selected", load === selected);
-      this.putLabel(arrow.label, project(at(load.node).add(vector)));
+      this.putLabel(arrow.label, project(at(load.key).add(vector)));
     });
   }
 

@@ -3,22 +3,24 @@
 import {
   BufferAttribute,
   BufferGeometry,
+  Color,
   DynamicDrawUsage,
   Group,
   LineSegments,
   Mesh,
+  type Object3D,
   Points,
   type ShaderMaterial,
   Sphere,
   Vector3,
 } from "three";
-import { NEUTRAL, scale, type Rgb } from "../colours";
 import type { Content } from "../content";
 import { material } from "./materials";
 
 const INK = 0x1d2733;
 const GHOST = 0x7d8796;
 const CURSOR = 0xc2410c;
+const NEUTRAL = new Color(0.8, 0.82, 0.85); // of a body without values
 
 export class BodyMesh {
   readonly group = new Group();
@@ -31,47 +33,39 @@ export class BodyMesh {
   private readonly mesh: LineSegments;
 
   constructor(private readonly content: Content) {
-    const { d, coordinates, vertices, lines, features } = content;
-    this.rest = new Float32Array(content.nodes * 3);
-    for (let node = 0; node < content.nodes; node++) {
-      for (let i = 0; i < d; i++) this.rest[node * 3 + i] = coordinates[node * d + i]!;
-    }
+    const { d, vertices, triangles, lines, features, patches, places } = content;
+    const isPlane = d === 2;
+    this.rest = new Float32Array(content.nodes * 3).map((_, i) =>
+      i % 3 < d ? content.coordinates[Math.floor(i / 3) * d + (i % 3)] : 0,
+    );
     this.positions = this.rest.slice();
     this.nodes = dynamic(this.positions);
-    const surface = geometryOf(dynamic(new Float32Array(vertices.length * 3)), content.triangles);
+    const surface = geometryOf(dynamic(new Float32Array(vertices.length * 3)), triangles);
     surface.setAttribute("colour", dynamic(new Float32Array(vertices.length * 3)));
-    this.surface = new Mesh(surface, material({ shade: d === 2 ? 0 : 0.38 }));
-    this.surface.frustumCulled = false;
-    this.cursor = this.discs([0], 15, CURSOR, 1);
-    this.cursor.visible = false;
+    surface.boundingSphere = new Sphere(new Vector3(), Infinity); // wherever it moves
+    this.surface = new Mesh(surface, material({ shade: isPlane ? 0 : 0.38 }));
     this.mesh = segments(this.nodes, lines, INK, 0);
-    const ghost = new BufferAttribute(this.rest, 3);
+    this.cursor = discs(this.nodes, [0], 15, CURSOR, 1);
+    const touchable = patches ? (places ?? []) : loadableNodes(content);
     this.group.add(
-      segments(ghost, features, GHOST, 0.8),
+      segments(new BufferAttribute(this.rest, 3), features, GHOST, 0.8),
       this.surface,
       this.mesh,
       segments(this.nodes, features, INK, 0.85),
-      this.discs(
-        content.patches ? (content.places ?? []) : loadableNodes(content),
-        d === 2 ? 6 : 4,
-        INK,
-        d === 2 ? 0.8 : 0.5,
-      ),
+      discs(this.nodes, touchable, isPlane ? 6 : 4, INK, isPlane ? 0.8 : 0.5),
       this.cursor,
     );
+    this.group.children.forEach((part: Object3D) => (part.frustumCulled = false));
+    this.mark(null);
     this.move(null);
     this.colour(null, 1, []);
   }
 
   /** Move the nodes by displacements in m; null moves them to rest. */
   move(displacement: Float32Array | null): void {
-    const { d, nodes, vertices } = this.content;
+    const { d, vertices } = this.content;
     this.positions.set(this.rest);
-    if (displacement) {
-      for (let node = 0; node < nodes; node++) {
-        for (let i = 0; i < d; i++) this.positions[node * 3 + i] += displacement[node * d + i];
-      }
-    }
+    displacement?.forEach((u, i) => (this.positions[Math.floor(i / d) * 3 + (i % d)] += u));
     this.nodes.needsUpdate = true;
     const { geometry } = this.surface;
     const place = geometry.getAttribute("position");
@@ -84,14 +78,17 @@ export class BodyMesh {
 
   /** Colour the nodes by values from 0 to `largest`; null colours them grey. */
   colour(values: Float64Array | null, largest: number, palette: readonly string[]): void {
-    const { vertices } = this.content;
-    const colour = values ? scale(palette) : null;
-    const rgb: Rgb = [...NEUTRAL];
+    const stops = palette.map((colour) => new Color(colour));
     const attribute = this.surface.geometry.getAttribute("colour");
-    for (let vertex = 0; vertex < vertices.length; vertex++) {
-      colour?.(values![vertices[vertex]] / largest, rgb);
-      for (let i = 0; i < 3; i++) attribute.array[vertex * 3 + i] = rgb[i]!;
-    }
+    const colour = NEUTRAL.clone();
+    this.content.vertices.forEach((node, vertex) => {
+      if (values) {
+        const at = Math.min(values[node] / largest, 1) * (stops.length - 1);
+        const low = Math.min(Math.floor(at), stops.length - 2);
+        colour.lerpColors(stops[low], stops[low + 1], at - low);
+      }
+      colour.toArray(attribute.array, vertex * 3);
+    });
     attribute.needsUpdate = true;
   }
 
@@ -117,48 +114,16 @@ export class BodyMesh {
   at(node: number): Vector3 {
     return new Vector3().fromArray(this.positions, node * 3);
   }
-
-  private discs(index: ArrayLike<number>, size: number, colour: number, opacity: number): Points {
-    const points = new Points(geometryOf(this.nodes, index), material({ colour, opacity, size }));
-    points.frustumCulled = false;
-    return points;
-  }
 }
 
 /** Nodes of the surface that the training loaded. */
-export function loadableNodes(content: Content): number[] {
-  if (content.places) return content.places;
-  const drawn = new Set(content.vertices);
-  return [...drawn].filter((node) => content.loadable[node]).sort((a, b) => a - b);
-}
-
-function dynamic(values: Float32Array): BufferAttribute {
-  return new BufferAttribute(values, 3).setUsage(DynamicDrawUsage);
-}
-
-function geometryOf(place: BufferAttribute, index: ArrayLike<number>): BufferGeometry {
-  const geometry = new BufferGeometry();
-  geometry.setAttribute("position", place);
-  geometry.setIndex(new BufferAttribute(Uint32Array.from(index), 1));
-  geometry.boundingSphere = new Sphere(new Vector3(), Infinity);
-  return geometry;
-}
-
-function segments(
-  place: BufferAttribute,
-  index: ArrayLike<number>,
-  colour: number,
-  opacity: number,
-): LineSegments {
-  const lines = new LineSegments(geometryOf(place, index), material({ colour, opacity }));
-  lines.frustumCulled = false;
-  return lines;
+export function loadableNodes({ places, vertices, loadable }: Content): number[] {
+  return places ?? inOrder(vertices).filter((node) => loadable[node]);
 }
 
 /** Nodes of the surface that can move. */
 export function movableSurface({ d, vertices, features, clamped }: Content): number[] {
-  const drawn = new Set(d === 2 ? features : vertices);
-  return [...drawn].filter((node) => !clamped[node]).sort((a, b) => a - b);
+  return inOrder(d === 2 ? features : vertices).filter((node) => !clamped[node]);
 }
 
 /** Unit vector from the middle of the cells at a node of the surface to the node. */
@@ -173,4 +138,35 @@ export function outwardsAt(
     if (cell.includes(node)) for (const corner of cell) around.add(at(node).sub(at(corner)));
   }
   return around.normalize();
+}
+
+function inOrder(nodes: Int32Array): number[] {
+  return [...new Set(nodes)].sort((a, b) => a - b);
+}
+
+function dynamic(values: Float32Array): BufferAttribute {
+  return new BufferAttribute(values, 3).setUsage(DynamicDrawUsage);
+}
+
+function geometryOf(place: BufferAttribute, index: ArrayLike<number>): BufferGeometry {
+  return new BufferGeometry().setAttribute("position", place).setIndex(Array.from(index));
+}
+
+function segments(
+  place: BufferAttribute,
+  index: ArrayLike<number>,
+  colour: number,
+  opacity: number,
+): LineSegments {
+  return new LineSegments(geometryOf(place, index), material({ colour, opacity }));
+}
+
+function discs(
+  place: BufferAttribute,
+  index: ArrayLike<number>,
+  size: number,
+  colour: number,
+  opacity: number,
+): Points {
+  return new Points(geometryOf(place, index), material({ colour, opacity, size }));
 }

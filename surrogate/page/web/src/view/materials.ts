@@ -3,7 +3,9 @@
  * so that a processor without graphics draws them in time.
  */
 
-import { Color, DoubleSide, ShaderMaterial } from "three";
+import { Color, ColorManagement, DoubleSide, ShaderMaterial } from "three";
+
+ColorManagement.enabled = false; // components are as they are shown
 
 interface Look {
   /** Of all that is drawn; by default that of the vertices, in front of which lines are drawn. */
@@ -23,7 +25,7 @@ export function material({ colour, opacity, shade = 0, size = 0 }: Look): Shader
     shade > 0 ? `${1 - shade} + ${shade} * abs(normalize(normalMatrix * normal).z)` : "1.0";
   const disc = `clamp(0.5 * ${pixels} - length(gl_PointCoord - 0.5) * ${pixels}, 0.0, 1.0)`;
   return new ShaderMaterial({
-    uniforms: { colour: { value: rgb(colour ?? 0) }, opacity: { value: opacity ?? 1 } },
+    uniforms: { colour: { value: new Color(colour ?? 0) }, opacity: { value: opacity ?? 1 } },
     vertexShader: `
       ${isOwn ? "attribute" : "uniform"} vec3 colour;
       varying vec3 tint;
@@ -44,9 +46,4 @@ export function material({ colour, opacity, shade = 0, size = 0 }: Look): Shader
     polygonOffsetFactor: 1,
     polygonOffsetUnits: 1,
   });
-}
-
-/** Components of a colour as they are shown. */
-export function rgb(colour: number): Color {
-  return new Color((colour >> 16) / 255, ((colour >> 8) & 255) / 255, (colour & 255) / 255);
 }

@@ -100,9 +100,7 @@ export class Scene {
       touches: { ONE: one, TWO: two },
     });
     this.resize();
-    this.controls.addEventListener("change", () => {
-      this.draw();
-    });
+    this.controls.addEventListener("change", () => this.draw());
   }
 
   /** Fit the camera to the body. */
@@ -166,9 +164,7 @@ export class Scene {
   draw(): void {
     if (this.linesWait) {
       clearTimeout(this.timer);
-      this.timer = setTimeout(() => {
-        this.drawWhole();
-      }, STILL);
+      this.timer = setTimeout(() => this.drawWhole(), STILL);
     }
     this.render(!this.linesWait);
   }
