@@ -103,7 +103,7 @@ export class Panel {
       texts.splice(
         0,
         Infinity,
-        `Unlike the training: estimated error ${percent(estimate!.share)}.`,
+        `Loads unlike those of the training: estimated error ${percent(estimate!.share)}.`,
       );
     this.stage.classList.toggle("outside", isWarned);
     const shown = find("#warnings");

@@ -115,7 +115,7 @@ export function listen(
     const meant = scene.pick(x, y);
     if (meant === null) return null;
     const at = (node: number): Vector3 => scene.body.at(node);
-    const node = scene.closest(surface, at(meant));
+    const node = scene.closest(surface, at(meant))!;
     const out = outwardsAt(node, content, at).multiplyScalar(state.radius);
     const centre = at(node).add(out).toArray().slice(0, content.d);
     const tool = { centre, wanted: centre, radius: state.radius };

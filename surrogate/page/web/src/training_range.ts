@@ -38,7 +38,10 @@ export function exceeded(
   const { fewest, most, resultant } = loads;
   if (loaded.length > most || loaded.length < fewest) {
     const number = fewest === most ? `${fewest}` : `${fewest} to ${most}`;
-    found.set("number", `${loaded.length} loaded nodes; ${number} in training`);
+    found.set(
+      "number",
+      `${loaded.length} loaded node${loaded.length === 1 ? "" : "s"}; ${number} in training`,
+    );
   }
   const sum = limit.map((_, i) => loaded.reduce((total, node) => total + force(node)[i], 0));
   const sizes = forces.reduce((total, value) => total + Math.abs(value), 0);

@@ -11,13 +11,22 @@ import type { State, Tool } from "../state";
 import { complementary } from "./complementarity";
 import type { LinearBody } from "./linear_body";
 import type { Condition, Found } from "./search";
-import { near, type Near } from "./sphere";
+import { near } from "./sphere";
 
 const STRIDE = 0.25; // of the radius
 const STEPS = 25; // of Newton's method
 const SETTLED = 1e-4; // over the body's size: movement of the last step
 const DEEP = 1e-6; // over the body's size: depth of a node
 const REACH = 0.1; // over the body's size: distance of nodes that are looked at
+
+/** A node of the surface: where it is in m, its force in N, the size λ of that along the normal. */
+interface Place {
+  k: number;
+  x: Float64Array;
+  force: Float64Array;
+  size: number;
+  bears: boolean;
+}
 
 export class Contact implements Condition {
   readonly parts: readonly Part[];
@@ -53,11 +62,11 @@ export class Contact implements Condition {
 
   /** Largest depth of a node, or distance of one that bears a force. */
   wrong(u: Float64Array, force: Float64Array): number {
-    const x = this.positions(u);
-    return this.surface.reduce((most, _, k) => {
-      const { gap } = near(this.tool, x, k);
-      return Math.max(most, this.bears(force, k) ? Math.abs(gap) : -gap);
-    }, 0);
+    const wrong = this.places(u, force).map(({ x, bears }) => {
+      const { gap } = near(this.tool, x);
+      return bears ? Math.abs(gap) : -gap;
+    });
+    return Math.max(0, ...wrong);
   }
 
   size(u: Float64Array): number {
@@ -68,66 +77,54 @@ export class Contact implements Condition {
   forces(body: LinearBody, u: Float64Array, force: Float64Array): Found {
     const { tool, extent, surface } = this;
     const d = tool.centre.length;
-    const x = this.positions(u);
-    const axes = [...tool.centre.keys()];
-    const distance = surface.map((_, k) => near(tool, x, k).gap);
-    const lowest = Math.min(0, ...distance);
-    const close = [...surface.keys()].filter(
-      (k) => this.bears(force, k) || distance[k] < REACH * extent,
-    );
-    const isNear = close.map((k) => this.bears(force, k) || distance[k] < lowest / 2);
-    const dofs = close.flatMap((k) => axes.map((i) => surface[k] * d + i));
-    const of = (field: Float64Array, nodes: readonly number[]): Float64Array =>
-      Float64Array.from(nodes.flatMap((k) => [...at(field, k, d)]));
-    const [place, total] = [of(x, close), of(force, close)];
-    const sizes = close.map((_, k) =>
-      Math.max(0, dot(near(tool, place, k).normal, at(total, k, d))),
-    );
-    let rows: number[] = [];
+    const all = this.places(u, force);
+    const lowest = Math.min(0, ...all.map(({ x }) => near(tool, x).gap));
+    let close = all.filter(({ x, bears }) => bears || near(tool, x).gap < REACH * extent);
+    for (const place of close) {
+      const { gap, normal } = near(tool, place.x);
+      place.size = Math.max(0, dot(normal, place.force));
+      place.bears ||= gap < lowest / 2;
+    }
+    let bearing: Place[] = []; // the first ones of those that are close
     let compliance: Float64Array | null = new Float64Array();
     for (let step = 0; step < STEPS; step++) {
-      if (isNear.filter(Boolean).length > rows.length) {
-        rows = [...close.keys()].filter((k) => isNear[k]);
-        const bearing = rows.map((k) => close[k]);
-        compliance = body.compliance(dofs, bearing);
+      if (close.filter(({ bears }) => bears).length > bearing.length) {
+        bearing = close.filter(({ bears }) => bears);
+        close = [...bearing, ...close.filter(({ bears }) => !bears)];
+        const dofs = close.flatMap(({ k, x }) => [...x.keys()].map((i) => surface[k] * d + i));
+        const of = bearing.map(({ k }) => k);
+        compliance = body.compliance(dofs, of);
         if (!compliance) return "missing";
       }
-      if (rows.length === 0) break;
-      const width = d * d * rows.length; // entries of the rows of a node
-      const among = rows.flatMap((k) => [...compliance!.subarray(k * width, (k + 1) * width)]);
-      const found = newtonStep(
-        Float64Array.from(among),
-        rows.map((k) => near(tool, place, k)),
-        rows.map((k) => sizes[k]),
-        of(total, rows),
-      );
+      if (bearing.length === 0) return force;
+      const among = compliance.subarray(0, (bearing.length * d) ** 2);
+      const found = newtonStep(among, tool, bearing);
       if (!found) return "none";
-      rows.forEach((k, row) => {
-        sizes[k] = found.sizes[row];
-        add(at(total, k, d), at(found.change, row, d), 1);
+      bearing.forEach((place, i) => {
+        place.size = found.sizes[i];
+        add(place.force, at(found.change, i, d), 1);
       });
       const shift = times(compliance, found.change);
-      add(place, shift, 1);
-      const gap = close.map((_, k) => (isNear[k] ? 0 : near(tool, place, k).gap));
-      const least = Math.min(...gap);
-      if (least < -DEEP * extent) gap.forEach((value, k) => (isNear[k] ||= value <= least / 2));
-      else if (largest(shift) < SETTLED * extent) break;
-      if (step === STEPS - 1) return "none";
+      close.forEach(({ x }, i) => add(x, at(shift, i, d), 1));
+      const gap = close.map(({ x, bears }) => (bears ? 0 : near(tool, x).gap));
+      const deepest = Math.min(...gap);
+      if (deepest < -DEEP * extent) {
+        close.forEach((place, i) => (place.bears ||= gap[i] <= deepest / 2));
+      } else if (largest(shift) < SETTLED * extent) {
+        return Float64Array.from(all.flatMap((place) => [...place.force]));
+      }
     }
-    const forces = new Float64Array(force.length);
-    close.forEach((k, row) => forces.set(at(total, row, d), k * d));
-    return forces;
+    return "none";
   }
 
-  /** Positions of the surface in m. */
-  private positions(u: Float64Array): Float64Array {
-    const { content } = this.state;
-    const x = plus(content.coordinates, u);
-    return Float64Array.from(this.surface.flatMap((node) => [...at(x, node, content.d)]));
-  }
-
-  private bears(force: Float64Array, k: number): boolean {
-    return at(force, k, this.tool.centre.length).some(Boolean);
+  /** The nodes of the surface. */
+  private places(u: Float64Array, force: Float64Array): Place[] {
+    const { coordinates, d } = this.state.content;
+    return this.surface.map((node, k) => {
+      const [x, own] = [at(coordinates, node, d), at(force, k, d)];
+      const bears = own.some(Boolean);
+      return { k, x: plus(x, at(u, node, d)), force: own.slice(), size: 0, bears };
+    });
   }
 }
 
@@ -135,27 +132,27 @@ export class Contact implements Condition {
  * Changes of the forces of some nodes in N, and the sizes of these forces after it; null without one.
  *
  * @param compliance - C, (n · d) rows and columns
- * @param seen - the sphere at the nodes
- * @param sizes - λ
- * @param total - f
  */
 function newtonStep(
   compliance: Float64Array,
-  seen: readonly Near[],
-  sizes: readonly number[],
-  total: Float64Array,
+  tool: Tool,
+  nodes: readonly Place[],
 ): { change: Float64Array; sizes: Float64Array } | null {
-  const m = seen.length;
-  const n = total.length;
-  const d = n / m;
+  const m = nodes.length;
+  const d = tool.centre.length;
+  const n = m * d;
+  const sizes = nodes.map(({ size }) => size);
+  const gaps = new Float64Array(m);
   const normals = new Float64Array(m * n);
   const bend = new Float64Array(n * n); // Λ H
   const right = new Float64Array(n * (m + 1)); // λ n − f, and n of every node
-  seen.forEach(({ normal, curvature }, k) => {
+  nodes.forEach(({ x, force, size }, k) => {
+    const { gap, normal, curvature } = near(tool, x);
+    gaps[k] = gap;
     for (let i = 0, row = k * d; i < d; i++, row++) {
       normals[k * n + row] = right[row * (m + 1) + 1 + k] = normal[i];
-      right[row * (m + 1)] = sizes[k] * normal[i] - total[row];
-      for (let j = 0; j < d; j++) bend[row * n + k * d + j] = sizes[k] * curvature[i * d + j];
+      right[row * (m + 1)] = size * normal[i] - force[i];
+      for (let j = 0; j < d; j++) bend[row * n + k * d + j] = size * curvature[i * d + j];
     }
   });
   const system = plus(unit(n), times(bend, compliance, n), -1);
@@ -164,11 +161,13 @@ function newtonStep(
   const along = times(times(normals, compliance, n), change, m + 1);
   const slopes = along.filter((_, place) => place % (m + 1) > 0);
   const before = times(slopes, sizes);
-  const gap = Float64Array.from(seen, (one, k) => one.gap + along[k * (m + 1)] - before[k]);
-  const begins = sizes.map((value) => value > 0);
-  const found = complementary(slopes, gap, begins);
+  const offset = gaps.map((gap, k) => gap + along[k * (m + 1)] - before[k]);
+  const begins = sizes.map((size) => size > 0);
+  const found = complementary(slopes, offset, begins);
   if (!found?.every(Number.isFinite)) return null;
-  const step = times(change, [1, ...found.map((value, k) => value - sizes[k])]);
-  const released = (row: number): boolean => !(found[Math.floor(row / d)] > 0);
-  return { change: step.map((value, row) => (released(row) ? -total[row] : value)), sizes: found };
+  const step = times(change, [1, ...found.map((size, k) => size - sizes[k])]);
+  nodes.forEach(({ force }, k) => {
+    if (!(found[k] > 0)) for (let i = 0; i < d; i++) step[k * d + i] = -force[i];
+  });
+  return { change: step, sizes: found };
 }

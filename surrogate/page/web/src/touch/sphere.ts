@@ -17,10 +17,9 @@ export interface Near {
   curvature: number[];
 }
 
-/** The sphere at the position of row `row` of some positions in m, (n · d). */
-export function near({ centre, radius }: Sphere, x: Float64Array, row: number): Near {
-  const d = centre.length;
-  const offset = centre.map((value, i) => x[row * d + i] - value);
+/** The sphere at a position in m. */
+export function near({ centre, radius }: Sphere, x: ArrayLike<number>): Near {
+  const offset = centre.map((value, i) => x[i] - value);
   const length = Math.hypot(...offset);
   const normal = offset.map((value, i) => (length > 0 ? value / length : Number(i === 0)));
   const curvature = normal.flatMap((a, i) =>

@@ -212,22 +212,30 @@ export class Scene {
     this.aim(x, y);
     const face = this.raycaster.intersectObject(this.body.surface)[0]?.face;
     const { loadable, clamped, d, vertices, places } = this.state.content;
+    const away = (node: number): number => {
+      const place = this.project(this.body.at(node));
+      return Math.hypot(place.x - x, place.y - y);
+    };
     if (!face || d === 2) {
-      const near = this.pickable.filter((node) => this.distance(node, x, y) < NEAR);
-      const trained = near.filter((node) => loadable[node]);
-      if (near.length > 0) return this.nearest(trained.length > 0 ? trained : near, x, y);
+      const near = this.pickable.filter((node) => away(node) < NEAR);
+      const found =
+        least(
+          near.filter((node) => loadable[node]),
+          away,
+        ) ?? least(near, away);
+      if (found !== null || !face) return found;
     }
-    if (!face) return null;
     if (places) return this.closest(places, this.body.at(vertices[face.a]));
     const corners = [face.a, face.b, face.c].map((vertex) => vertices[vertex]);
-    const free = corners.filter((node) => !clamped[node]);
-    return this.nearest(free, x, y);
+    return least(
+      corners.filter((node) => !clamped[node]),
+      away,
+    );
   }
 
-  /** The nearest of some nodes in space. */
-  closest(nodes: readonly number[], point: Vector3): number {
-    const distance = (node: number): number => this.body.at(node).distanceToSquared(point);
-    return nodes.reduce((best, node) => (distance(node) < distance(best) ? node : best));
+  /** The nearest of some nodes in space; null of none. */
+  closest(nodes: readonly number[], point: Vector3): number | null {
+    return least(nodes, (node) => this.body.at(node).distanceToSquared(point));
   }
 
   /** Where a pointer is in the plane through a point that faces the camera. */
@@ -248,16 +256,12 @@ export class Scene {
     this.camera.updateMatrixWorld();
     this.raycaster.setFromCamera(pointer, this.camera);
   }
+}
 
-  private distance(node: number, x: number, y: number): number {
-    const place = this.project(this.body.at(node));
-    return Math.hypot(place.x - x, place.y - y);
-  }
-
-  private nearest(nodes: number[], x: number, y: number): number | null {
-    const away = nodes.map((node) => this.distance(node, x, y));
-    return nodes[away.indexOf(Math.min(...away))] ?? null;
-  }
+/** The node that is the least away; null of none. */
+function least(nodes: readonly number[], away: (node: number) => number): number | null {
+  const all = nodes.map(away);
+  return nodes[all.indexOf(Math.min(...all))] ?? null;
 }
 
 /** True if a processor draws, for which smoothed edges are too slow. */
