@@ -18,7 +18,7 @@ from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from surrogate.page.body_data import band_entries, body_data, sparse_rows, surface_data
-from surrogate.page.surface import surface_of
+from surrogate.page.surface import support_marks, surface_of
 
 BAND = 2**24  # entries of a band that a page factorises: 134 MB
 Arrays = dict[str, NDArray[Any]]
@@ -55,19 +55,19 @@ class Mechanics:
 
 
 def drawn(geometry: Geometry) -> Arrays:
-    """Mesh, supports and surface."""
+    """Mesh, surface and marks of the supports."""
     surface = surface_of(geometry)
     return {
         "coordinates": geometry.coordinates.astype(np.float64),
         "cells": geometry.cells.astype(np.int32),
         "held": geometry.held.astype(np.uint8),
+        "clamped": geometry.held.all(axis=1).astype(np.uint8),
         "loadable": geometry.loadable.astype(np.uint8),
         "vertices": surface.vertices,
         "triangles": surface.triangles,
         "lines": surface.lines,
         "features": surface.features,
-        "supports": surface.supports,
-    }
+    } | below("marks", support_marks(geometry, surface.supports))
 
 
 def mechanics_of(surrogate: Surrogate) -> Mechanics:

@@ -112,7 +112,8 @@ def write_page(
     content |= {"pressed": mechanics.pressed, "largestPressures": mechanics.pressures}
     content |= {"largest": loads.largest, "patch": loads.radius, "density": loads.density}
     content |= {"series": order, "places": None}
-    content["radius"] = loads.radius or sphere_radius(geometry.coordinates)
+    extents = np.ptp(geometry.coordinates, axis=0)
+    content |= {"extent": float(extents.max()), "radius": loads.radius or sphere_radius(extents)}
     parts = {"style": bundle.style, "script": bundle.script}
     parts["runtime"] = "" if order else in_base64(bundle.runtime)
 
@@ -159,10 +160,9 @@ def young_modulus(surrogate: Surrogate) -> float | None:
         return None
 
 
-def sphere_radius(coordinates: NDArray[np.float64]) -> float:
-    """Radius in m of a sphere that pushes a body, of one digit."""
-    diagonal = float(np.linalg.norm(np.ptp(coordinates, axis=0)))
-    return float(f"{SPHERE * diagonal:.0e}")
+def sphere_radius(extents: NDArray[np.float64]) -> float:
+    """Radius in m of a sphere that pushes a body of some extents, of one digit."""
+    return float(f"{SPHERE * np.linalg.norm(extents):.0e}")
 
 
 def series_order(surrogate: Surrogate) -> int:

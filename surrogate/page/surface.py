@@ -15,6 +15,7 @@ from shared_schema.common.errors import InputError
 from surrogate.mechanics.body.geometry import Geometry
 
 Integers = NDArray[np.int32]
+GAP, TICK = 0.003, 0.028  # of the diagonal: a mark's distance from the body, and its width
 
 
 @dataclass(frozen=True)
@@ -71,6 +72,37 @@ def surface_of(geometry: Geometry) -> Surface:
         features=sharp.astype(np.int32),
         supports=(held if geometry.dimension == 2 else triangulated(held)).astype(np.int32),
     )
+
+
+def support_marks(geometry: Geometry, supports: Integers) -> dict[str, NDArray[np.float64]]:
+    """Marks of supports, seen from outside: hatched lines in the plane, faces with ticks in space.
+
+    Returns
+    -------
+    dict
+        In m: ``lines``, (n, 2, 3), and ``faces``, (n, 3, 3); where no part of the boundary is held,
+        ``points``, (n, 3), that are.
+    """
+    x, d = geometry.coordinates, geometry.dimension
+    tick = TICK * float(np.linalg.norm(np.ptp(x, axis=0)))
+    x = np.pad(x, ((0, 0), (0, 3 - d)))
+    corners = x[supports]
+    along = corners[:, 1] - corners[:, 0]
+    out = np.cross(along, [0, 0, 1] if d == 2 else corners[:, -1] - corners[:, 0])
+    out /= np.linalg.norm(out, axis=1, keepdims=True)
+    back = corners + GAP / TICK * tick * out[:, None]
+    points = x[geometry.held.all(axis=1)] if len(supports) == 0 else x[:0]
+    if d == 3:
+        ticks = np.stack([back, back + 0.7 * tick * out[:, None]], axis=2)
+        return {"lines": ticks.reshape(-1, 2, 3), "faces": back, "points": points}
+    length = np.linalg.norm(along, axis=1, keepdims=True)
+    counts = np.maximum(1, np.rint(length[:, 0] / (0.75 * tick))).astype(int)
+    edge = np.repeat(np.arange(len(back)), counts)
+    number = np.arange(len(edge)) - np.repeat(np.cumsum(counts) - counts, counts)
+    start = back[edge, 0] + ((number + 0.5) / counts[edge])[:, None] * along[edge]
+    slope = 0.8 * tick * (along / length + out)[edge]
+    lines = np.concatenate([back, np.stack([start, start + slope], axis=1)])
+    return {"lines": lines, "faces": np.empty((0, 3, 3)), "points": points}
 
 
 def triangulated(faces: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -33,8 +33,8 @@ PLACES = 100  # places that can be touched, at most
 AT_ONCE = 48  # unit loads that are solved for at once
 PATCH = 12_000  # bytes of the weights of a patch, that of a thousand nodes
 SHORT = 2**15 - 1  # largest 16-bit number
-OF_NODES = ("coordinates", "held", "loadable", "volumes")  # arrays by node
-NUMBERS = ("lines", "features", "supports", "vertices", "patches/nodes")  # arrays of node numbers
+OF_NODES = ("coordinates", "held", "clamped", "loadable", "volumes")  # arrays by node
+NUMBERS = ("lines", "features", "vertices", "patches/nodes")  # arrays of node numbers
 Integers = NDArray[np.int64]
 
 

@@ -32,6 +32,8 @@ interface Written {
   youngModulus: number | null;
   /** Radius in m of the sphere that pushes the body, at first. */
   radius: number;
+  /** Largest one of the body along an axis in m. */
+  extent: number;
   /** Type, shape and place of every array, by its path in all of this. */
   arrays: Record<string, { type: keyof typeof VIEWS; shape: number[]; offset: number }>;
   /** (nodes, d) in m. */
@@ -39,6 +41,8 @@ interface Written {
   cells: Int32Array;
   /** (nodes, d), components that supports hold. */
   held: Uint8Array;
+  /** Nodes that do not move at all. */
+  clamped: Uint8Array;
   /** Nodes that were loaded in training. */
   loadable: Uint8Array;
   /** Node of every vertex of the triangles. */
@@ -46,7 +50,8 @@ interface Written {
   triangles: Int32Array;
   lines: Int32Array;
   features: Int32Array;
-  supports: Int32Array;
+  /** Marks of the supports in m: ends of lines, corners of triangles, and points, (n, 3) each. */
+  marks: { lines: Float64Array; faces: Float64Array; points: Float64Array };
   /** The body of the finite elements; null where no errors are estimated. */
   body: Body | null;
   /** That of a linear response which is another one. */
@@ -65,8 +70,6 @@ interface Written {
 export interface Content extends Written {
   d: number;
   nodes: number;
-  /** Nodes that do not move at all. */
-  clamped: boolean[];
   /** The body of the linear response, or of the series. */
   responding: Body | null;
   certified: boolean;
@@ -86,16 +89,13 @@ export async function readContent(): Promise<Content> {
     const length = shape.reduce((product, n) => product * n, 1);
     put(written, path, new VIEWS[type](block, offset, length));
   }
-  const { body, coordinates, held, spread } = written;
+  const { body, coordinates, spread } = written;
   const [nodes, d] = written.arrays.coordinates.shape;
   const responding = written.response ?? body;
   return {
     ...written,
     nodes,
     d,
-    clamped: Array.from({ length: nodes }, (_, node) =>
-      held.subarray(node * d, node * d + d).every(Boolean),
-    ),
     responding: responding && { ...responding, ...(spread && { spread }) },
     certified: body !== null,
     trained: written.series > 0 ? null : written,

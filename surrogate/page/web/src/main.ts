@@ -37,19 +37,9 @@ interface Handle {
   measure: boolean;
 }
 
-/** Largest extent of the body along an axis. */
-function extentOf({ coordinates, d }: { coordinates: Float64Array; d: number }): number {
-  const extents = Array.from({ length: d }, (_, axis) => {
-    const x = coordinates.filter((_, i) => i % d === axis).sort();
-    return x.at(-1)! - x[0];
-  });
-  return Math.max(...extents);
-}
-
 async function start(): Promise<void> {
   const content = await readContent();
-  const extent = extentOf(content);
-  Object.assign(units, content.units, { negligible: 1e-12 * extent });
+  Object.assign(units, content.units, { negligible: 1e-12 * content.extent });
   const state = new State(content);
   const { loads } = state;
   const panel = new Panel(state, {
@@ -66,17 +56,15 @@ async function start(): Promise<void> {
   const searches = [
     new Search(
       state,
-      extent,
       columns,
       () => loads.all.filter((load) => load.held),
-      (held) => new Grip(state, held, extent),
+      (held) => new Grip(state, held),
     ),
     new Search(
       state,
-      extent,
       columns,
       () => (state.tool ? [state.tool] : []),
-      ([tool]) => new Contact(state, tool, surface, extent),
+      ([tool]) => new Contact(state, tool, surface),
     ),
   ];
   let isBusy = false;

@@ -32,15 +32,11 @@ export class Contact implements Condition {
   readonly parts: readonly Part[];
   readonly stride: number;
 
-  /**
-   * @param surface - nodes of the surface that can move
-   * @param extent - of the body in m
-   */
+  /** @param surface - nodes of the surface that can move */
   constructor(
     private readonly state: State,
     private readonly tool: Tool,
     private readonly surface: readonly number[],
-    private readonly extent: number,
   ) {
     const { loads, content } = state;
     const none = content.largest.map(() => 0);
@@ -75,7 +71,8 @@ export class Contact implements Condition {
 
   /** Forces of the sphere on the linear body. */
   forces(body: LinearBody, u: Float64Array, force: Float64Array): Found {
-    const { tool, extent, surface } = this;
+    const { tool, surface } = this;
+    const { extent } = this.state.content;
     const d = tool.centre.length;
     const all = this.places(u, force);
     const lowest = Math.min(0, ...all.map(({ x }) => near(tool, x).gap));

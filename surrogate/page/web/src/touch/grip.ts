@@ -14,15 +14,13 @@ export class Grip implements Condition {
   /** Components of the nodes, one node after the other. */
   private readonly dofs: readonly number[];
 
-  /** @param extent - of the body in m */
   constructor(
     private readonly state: State,
     readonly parts: readonly Load[],
-    extent: number,
   ) {
     const { d } = state.content;
     this.dofs = parts.flatMap(({ key, force }) => force.map((_, i) => key * d + i));
-    this.stride = STRIDE * extent;
+    this.stride = STRIDE * state.content.extent;
     this.at = parts.flatMap(({ key }) => state.displacementAt(key));
   }
 

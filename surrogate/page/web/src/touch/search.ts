@@ -64,14 +64,12 @@ export class Search<T> {
   private last: Step | null = null;
 
   /**
-   * @param extent - of the body in m
    * @param columns - of K⁻¹
    * @param find - what a condition is about; nothing if there is none
    * @param make - the condition
    */
   constructor(
     private readonly state: State,
-    private readonly extent: number,
     private readonly columns: Columns,
     private readonly find: (state: State) => T[],
     private readonly make: (about: T[]) => Condition,
@@ -85,21 +83,13 @@ export class Search<T> {
 
   /** Move the forces so that the condition is fulfilled. */
   step(): Outcome {
-    const about = this.find(this.state);
-    if (about.length !== this.about.length || about.some((one, i) => one !== this.about[i])) {
-      this.about = about;
-      this.good = this.last = null;
-      this.condition = about.length > 0 ? this.make(about) : null;
-      this.body = new LinearBody(this.condition?.parts ?? [], this.state.loads, this.columns);
-    }
+    this.renew(this.find(this.state));
     const { condition, last } = this;
     if (!condition) return "there";
     const { content, loads, stiffness } = this.state;
     const { parts } = condition;
     const force = Float64Array.from(parts.flatMap((part) => part.force.map((f) => f / stiffness)));
-    const u = Float64Array.from(
-      this.state.displacement ?? new Float64Array(content.nodes * content.d),
-    );
+    const u = content.coordinates.map((_, i) => this.state.displacement?.[i] ?? 0);
     const others = loads.dead().filter((part) => !parts.includes(part));
     const beside = JSON.stringify([stiffness, loads.pressures, others]);
     if (last?.beside === beside) {
@@ -108,17 +98,27 @@ export class Search<T> {
       this.last = null;
     }
     const wrong = condition.wrong(u, force);
-    if (wrong <= TOLERANCE * condition.size(u) + REST * this.extent) {
+    if (wrong <= TOLERANCE * condition.size(u) + REST * content.extent) {
       return this.arrive(condition, force);
     }
-    if (this.left-- === 0) return this.withdraw(condition, force.length);
+    if (this.left-- === 0) return this.withdraw(condition);
     if (this.last && wrong > LARGER * this.last.wrong && this.last.part / 2 >= SHORTEST) {
       return this.take(condition, { ...this.last, part: this.last.part / 2 });
     }
     const wanted = condition.forces(this.body, u, force);
     if (wanted === "missing") return "missing";
-    if (wanted === "none") return this.withdraw(condition, force.length);
+    if (wanted === "none") return this.withdraw(condition);
     return this.take(condition, { beside, u, force, wanted, wrong, part: 1 });
+  }
+
+  /** Begin anew with a condition that is about something else. */
+  private renew(about: T[]): void {
+    if (about.length === this.about.length && about.every((one, i) => one === this.about[i]))
+      return;
+    this.about = about;
+    this.good = this.last = null;
+    this.condition = about.length > 0 ? this.make(about) : null;
+    this.body = new LinearBody(this.condition?.parts ?? [], this.state.loads, this.columns);
   }
 
   /** The condition is fulfilled: go on to where it shall be. */
@@ -131,13 +131,14 @@ export class Search<T> {
   }
 
   /** Go back to where the condition could be fulfilled, and on from there in smaller strides. */
-  private withdraw(condition: Condition, length: number): Outcome {
+  private withdraw(condition: Condition): Outcome {
     this.last = null;
     this.left = MOST;
     this.stride /= 4;
     this.body.forget();
     condition.at = this.good?.at ?? condition.at;
-    this.bear(condition, this.good?.force ?? new Float64Array(length));
+    const none = new Float64Array(condition.parts.length * this.state.content.d);
+    this.bear(condition, this.good?.force ?? none);
     if (!this.good || this.stride < SMALLEST) return "lost";
     this.approach(condition);
     return "moves";

@@ -80,8 +80,7 @@ export class Scene {
     );
     this.pickable =
       content.places ?? [...new Set(content.vertices)].filter((node) => !content.clamped[node]);
-    const marks = supportMarks(content, this.diagonal);
-    this.three.add(this.body.group, marks, this.ball, this.arrows.group);
+    this.three.add(this.body.group, supportMarks(content), this.ball, this.arrows.group);
 
     const isPlane = content.d === 2;
     const far = 50 * this.diagonal;
