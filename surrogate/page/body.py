@@ -40,8 +40,8 @@ class Mechanics:
     pressures : tuple of float
         Largest pressure of the case on each of them in Pa.
     arrays : dict
-        Of both bodies; on embedded grids also the nodes, with weights, that a nodal force reaches
-        by way of the grid; forces of unit pressures on the undeformed body.
+        Of both bodies; on embedded grids also the nodes, with weights, whose forces reach each
+        node by way of the grid; forces of unit pressures on the undeformed body.
     band : int
         Entries of the band of K, if the page cannot do without and it is too large; else 0.
     """
@@ -106,7 +106,7 @@ def mechanics_of(surrogate: Surrogate) -> Mechanics:
             band = entries if entries > BAND else 0
             arrays |= below("response", of_response)
         if not geometry.grid.points_are_nodes:
-            arrays |= below("spread", sparse_rows(spread_of(geometry)))
+            arrays |= below("spread", sparse_rows(spread_of(geometry).T.tocsr()))
     if band:
         return Mechanics(None, None, (), (), {}, band)
     pressed, largest = pressures_of(surrogate)

@@ -56,7 +56,7 @@ interface Written {
   body: Body | null;
   /** That of a linear response which is another one. */
   response: Body | null;
-  /** Nodes, with weights, that a force at each node reaches by way of an embedded grid. */
+  /** Nodes, with weights, whose forces reach each node by way of an embedded grid. */
   spread?: Rows;
   /** Forces in N of 1 Pa on every surface of the undeformed body, (surfaces, nodes, d). */
   pushes?: Float64Array;

@@ -45,7 +45,7 @@ export interface Body {
   surfaces?: Surfaces;
   /** Nodes, with weights, whose mean each point between the nodes is at first. */
   between?: Rows;
-  /** Nodes, with weights, that a force at each node reaches by way of an embedded grid. */
+  /** Nodes, with weights, whose forces reach each node by way of an embedded grid. */
   spread?: Rows;
 }
 

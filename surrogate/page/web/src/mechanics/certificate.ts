@@ -58,10 +58,13 @@ export async function certify(
     const further = from(twice);
     const { atRest, perDisplacement } = equilibrium.solid.body.rounding;
     const size = norm(u);
+    const estimate = norm(plus(plus(start, u, -1), step, -1));
+    const [first, second, third] = [step, simplified, further].map(norm);
     const improved = round > 0 || equilibrium.solid.projects; // improved states must be closer
-    const last = norm(improved ? step : simplified);
+    const last = improved ? first : second;
+    const goesOn = third <= CONTRACTION * second || third <= SMALL_PART * estimate;
     const contracts =
-      isSmall(norm(plus(plus(start, u, -1), step, -1)), step, simplified, further, last) ||
+      (second <= CONTRACTION * first && last <= LAST_PART * estimate && goesOn) ||
       norm(r) <= atRest + perDisplacement * size ||
       last <= NEGLIGIBLE * size;
     if (tangent.stable && contracts) {
@@ -71,25 +74,6 @@ export async function certify(
     u = (equilibrium.pressure ? damped : searched)(equilibrium, f, u, step, tangent) ?? u;
   }
   return { error: plus(predicted, u, -1), inverted: 0, settled: false, corrected: null };
-}
-
-/** Whether the steps become small, beside an estimate of some norm. */
-function isSmall(
-  error: number,
-  step: Float64Array,
-  simplified: Float64Array,
-  further: Float64Array,
-  last: number,
-): boolean {
-  const contraction = ratio(norm(simplified), norm(step));
-  const furtherContraction = ratio(norm(further), norm(simplified));
-  const goesOn = furtherContraction <= CONTRACTION || norm(further) <= SMALL_PART * error;
-  return contraction <= CONTRACTION && last <= LAST_PART * error && goesOn;
-}
-
-/** Quotient of two norms; 0 if the second is. */
-function ratio(following: number, first: number): number {
-  return first === 0 ? 0 : following / first;
 }
 
 /** Search along a step by Armijo's rule, as `surrogate/mechanics/certify/correction.py`; null if Π does not decrease. */

@@ -2,7 +2,7 @@
 
 import { searched } from "./certificate";
 import { Equilibrium } from "./equilibrium";
-import { norm, plus } from "./vectors";
+import { gathered, norm, plus } from "./vectors";
 
 const ITERATIONS = 20;
 const SMALL = 1e-9; // of the displacement: a step after which the next one is a rounding error
@@ -20,13 +20,7 @@ export function atPoints(
   if (!between || given.length === equilibrium.size) return given;
   const start = new Float64Array(equilibrium.size);
   start.set(given);
-  between.starts.slice(0, -1).forEach((first, point) => {
-    for (let i = first; i < between.starts[point + 1]; i++) {
-      for (let axis = 0; axis < d; axis++)
-        start[(nodes + point) * d + axis] +=
-          between.weights[i] * given[between.nodes[i] * d + axis];
-    }
-  });
+  start.set(gathered(between, given, d), nodes * d);
   if (equilibrium.inverted(start)) return start;
   const held = new Equilibrium(
     equilibrium.solid,
@@ -35,13 +29,11 @@ export function atPoints(
   let u = held.relaxed(start, f);
   for (let iteration = 0; iteration < ITERATIONS; iteration++) {
     const acting = equilibrium.pressure ? plus(f, equilibrium.pressure.forces(u)) : f;
-    const step = held.tangent(u).solve(held.outOfBalance(u, acting));
-    const next = searched(
-      held,
-      acting,
-      u,
-      step.map((value) => -value),
-    );
+    const step = held
+      .tangent(u)
+      .solve(held.outOfBalance(u, acting))
+      .map((value) => -value);
+    const next = searched(held, acting, u, step);
     if (!next) break;
     const moved = norm(plus(next, u, -1));
     u = next;

@@ -1,5 +1,7 @@
 /** Vectors, and small dense matrices in rows. */
 
+import type { Rows } from "./body";
+
 export function dot(a: ArrayLike<number>, b: ArrayLike<number>): number {
   let sum = 0;
   for (let i = 0; i < a.length; i++) sum += a[i] * b[i];
@@ -30,6 +32,20 @@ export function combined(c: ArrayLike<number>, vectors: readonly Float64Array[])
 /** The vector of a node in a field, (n · d) → (d,). */
 export function at<T extends Float32Array | Float64Array>(field: T, node: number, d: number): T {
   return field.subarray(node * d, node * d + d) as T;
+}
+
+/** Weighted sums of the vectors of some nodes, for every row: (rows · d). */
+export function gathered(
+  { starts, nodes, weights }: Rows,
+  field: Float64Array,
+  d: number,
+): Float64Array {
+  const sums = new Float64Array((starts.length - 1) * d);
+  for (let row = 0; row < starts.length - 1; row++) {
+    for (let i = starts[row]; i < starts[row + 1]; i++)
+      add(at(sums, row, d), at(field, nodes[i], d), weights[i]);
+  }
+  return sums;
 }
 
 /** The lengths of the vectors of a field, (n · d) → (n,). */

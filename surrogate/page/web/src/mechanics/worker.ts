@@ -6,6 +6,7 @@ import { Equilibrium } from "./equilibrium";
 import { loadSeries } from "./load_series";
 import { atPoints } from "./points_between";
 import { Solid } from "./solid";
+import { gathered } from "./vectors";
 
 let equilibrium: Equilibrium;
 let latest = 0;
@@ -19,7 +20,10 @@ const answers = {
 
   /** Responses in m to nodal forces in N. */
   columns: (forces: Float64Array[]): Float64Array[] => {
-    return forces.map((force) => equilibrium.linearResponse(onPoints(spread(force))));
+    const { spread, d } = equilibrium.solid.body;
+    return forces
+      .map((force) => (spread ? gathered(spread, force, d) : force))
+      .map((force) => equilibrium.linearResponse(onPoints(force)));
   },
 
   /** The load series in m, at all points, to some order. */
@@ -67,17 +71,4 @@ function onPoints(force: Float64Array): Float64Array {
 /** Let messages arrive that wait. */
 function pause(): Promise<void> {
   return new Promise((resolve) => setTimeout(resolve));
-}
-
-/** Forces on the nodes that nodal forces reach by way of the grid, if there is one. */
-function spread(force: Float64Array): Float64Array {
-  const { d, spread } = equilibrium.solid.body;
-  if (!spread) return force;
-  const found = new Float64Array(force.length);
-  force.forEach((value, dof) => {
-    const node = Math.floor(dof / d);
-    for (let i = spread.starts[node]; value !== 0 && i < spread.starts[node + 1]; i++)
-      found[spread.nodes[i] * d + (dof % d)] += value * spread.weights[i];
-  });
-  return found;
 }
