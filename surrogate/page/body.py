@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -57,7 +58,7 @@ class Mechanics:
 def drawn(geometry: Geometry) -> Arrays:
     """Mesh, surface and marks of the supports."""
     surface = surface_of(geometry)
-    return {
+    arrays: Arrays = {
         "coordinates": geometry.coordinates.astype(np.float64),
         "cells": geometry.cells.astype(np.int32),
         "held": geometry.held.astype(np.uint8),
@@ -67,7 +68,8 @@ def drawn(geometry: Geometry) -> Arrays:
         "triangles": surface.triangles,
         "lines": surface.lines,
         "features": surface.features,
-    } | below("marks", support_marks(geometry, surface.supports))
+    }
+    return arrays | below("marks", support_marks(geometry, surface.supports))
 
 
 def mechanics_of(surrogate: Surrogate) -> Mechanics:
@@ -115,7 +117,7 @@ def mechanics_of(surrogate: Surrogate) -> Mechanics:
     return Mechanics(body, response, pressed, largest, arrays)
 
 
-def below(part: str, arrays: Arrays) -> Arrays:
+def below(part: str, arrays: Mapping[str, NDArray[Any]]) -> Arrays:
     """Arrays of a part of the page, by their paths."""
     return {f"{part}/{name}": array for name, array in arrays.items()}
 
