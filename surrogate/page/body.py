@@ -62,7 +62,7 @@ def drawn(geometry: Geometry) -> Arrays:
         "coordinates": geometry.coordinates.astype(np.float64),
         "cells": geometry.cells.astype(np.int32),
         "held": geometry.held.astype(np.uint8),
-        "clamped": geometry.held.all(axis=1).astype(np.uint8),
+        "clamped": np.asarray(geometry.held.all(axis=1), np.uint8),
         "loadable": geometry.loadable.astype(np.uint8),
         "vertices": surface.vertices,
         "triangles": surface.triangles,
