@@ -21,12 +21,12 @@ from shared_schema.common.bodies.quadratic.quadratic_cells import (
     quadratic_shape_gradients,
 )
 from shared_schema.common.bodies.reference_cells import quadrature, shape_gradients
-from surrogate.mechanics.energy.law import DILATION, Law
+from surrogate.mechanics.energy.law import Law
+from surrogate.mechanics.energy.recording import Recording
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from surrogate.mechanics.matrices.orders import band_order
-from surrogate.mechanics.solids.deformation import Deformation
+from surrogate.mechanics.solids.recorded_law import recorded_law
 from surrogate.mechanics.solids.taylor_hood import TaylorHoodSolid
-from surrogate.page.recording import Recording
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -116,24 +116,12 @@ def law_data(law: Law, d: int, projects: bool) -> dict[str, Any]:
     Its outputs are the derivatives of W(F, θ) + p (J - θ), by F and, where there are some, θ and
     p. These, J and ∂W/∂θ follow in stages, as θ and p are known.
     """
+    recording, outputs = recorded_law(law, d, projects)
     beside = [1, 2] if projects else []
-    size = d * d + law.families * d
-    recording = Recording(size + len(beside))
-    f: Any = recording.inputs[: d * d].reshape(d, d)
-    fibres: Any = recording.inputs[d * d : size].reshape(-1, d)
-    dilation, pressure = recording.inputs[size:] if projects else (None, None)
-    state: Any = Deformation(f, dilation, fibres)
-    first = recording.run(law.stress, state.measures)
-    by = [state.stress(first)]
-    if projects:
-        by = [by[0] + pressure * state.cofactor, first[DILATION] - pressure, state.j - dilation]
-    outputs = {
-        "outputs": np.concatenate([np.ravel(each) for each in by]),
-        "volume": state.j,
-        "energy": recording.run(law.energy, state.measures)[0],
-    }
-    outputs |= {"slope": first[DILATION]} if projects else {}
-    return recording.data([0] * size + beside, outputs)
+    names = {"outputs": "derivatives", "volume": "volume", "energy": "energy"}
+    names |= {"slope": "slope"} if projects else {}
+    outputs = {name: outputs[of] for name, of in names.items()}
+    return recording.data([0] * (recording.count - len(beside)) + beside, outputs)
 
 
 def sparse_rows(matrix: csr_array) -> Arrays:

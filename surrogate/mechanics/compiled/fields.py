@@ -107,58 +107,21 @@ def _save_one_at_a_time(kept: Any) -> None:
 
 
 @inner
-def add_trace(factor: float, a: Array, out: Array) -> None:
-    """Add x tr A: (d, d, n_points) → (n_points,)."""
-    x = out.dtype.type(factor)  # numbers in double precision would make all sums double
-    for i in range(a.shape[0]):
-        for q in range(a.shape[2]):
-            out[q] += x * a[i, i, q]
-
-
-@inner
-def add_linear_cofactors(a: Array, out: Array) -> None:
-    """Add (tr A) I - Aᵀ: (d, d, n_points) → same."""
-    d, _, points = a.shape
+def cofactors(f: Array, out: Array) -> None:
+    """Write cof F: (d, d, n) → same."""
+    d = len(f)
     for i in range(d):
         for j in range(d):
-            if i == j:
-                for k in range(d):
-                    if k != i:
-                        for q in range(points):
-                            out[i, i, q] += a[k, k, q]
-            else:
-                for q in range(points):
-                    out[i, j, q] -= a[j, i, q]
-
-
-@inner
-def add_cross_product(factor: float, a: Array, b: Array, out: Array) -> None:
-    """Add x A × B in space: (3, 3, n_points) twice → same; A × A = 2 cof A."""
-    x = out.dtype.type(factor)
-    for i in range(3):
-        k, n = (i + 1) % 3, (i + 2) % 3
-        for j in range(3):
-            m, r = (j + 1) % 3, (j + 2) % 3
-            a0, a1, a2, a3 = a[k, m], a[k, r], a[n, m], a[n, r]
-            b0, b1, b2, b3 = b[n, r], b[n, m], b[k, r], b[k, m]
             total = out[i, j]
-            for q in range(len(total)):
-                total[q] += x * (a0[q] * b0[q] - a1[q] * b1[q] - a2[q] * b2[q] + a3[q] * b3[q])
-
-
-@inner
-def add_cross(factor: float, a: Array, b: Array, out: Array) -> None:
-    """Add x A × B, in the plane x ((tr B) I - Bᵀ): (d, d, n_points) twice → same."""
-    if len(b) == 3:
-        add_cross_product(factor, a, b, out)
-        return
-    x = out.dtype.type(factor)
-    for i in range(2):
-        for j in range(2):
-            sign = x if i == j else -x
-            row, total = b[1 - i, 1 - j], out[i, j]
-            for q in range(len(total)):
-                total[q] += sign * row[q]
+            if d == 2:
+                sign, row = total.dtype.type(1 if i == j else -1), f[1 - i, 1 - j]
+                for q in range(len(total)):
+                    total[q] = sign * row[q]
+            else:
+                k, n, m, r = (i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3
+                a, b, c, e = f[k, m], f[n, r], f[k, r], f[n, m]
+                for q in range(len(total)):
+                    total[q] = a[q] * b[q] - c[q] * e[q]
 
 
 @inner

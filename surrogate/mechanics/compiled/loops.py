@@ -18,18 +18,9 @@ from surrogate.mechanics.compiled.cells import (
     at_corners,
     slopes_of,
 )
-from surrogate.mechanics.compiled.fields import Array, add_contraction, compiled, inner
-from surrogate.mechanics.compiled.measures import (
-    THETA,
-    J,
-    add_derivative,
-    cofactors,
-    measure,
-    moduli,
-    pair,
-    weight,
-)
-from surrogate.mechanics.compiled.tapes import Doubles, Numbers, Tapes, values_of
+from surrogate.mechanics.compiled.fields import Array, compiled, inner
+from surrogate.mechanics.compiled.program import Doubles, Numbers, Programs
+from surrogate.mechanics.compiled.run import begin, run
 
 TINY = 1e-300  # no division by zero
 
@@ -78,88 +69,59 @@ def add_forces_of(cells: Cells, stress: Array, out: Array) -> None:
 
 
 @compiled
-def deform(cells: Cells, u: Array, f: Array, j: Array) -> bool:
-    """Write F and J, and tell whether J is positive and finite everywhere: (n_nodes, d) → rows."""
+def deform(cells: Cells, u: Array, f: Array) -> None:
+    """Write F: (n_nodes, d) → (n_rows, d, d, n)."""
     slopes_at(cells, u, f)
-    cof, inside = np.empty_like(f[0]), True
     for place in range(len(f)):
         for i in range(f.shape[1]):
             for q in range(f.shape[3]):
                 f[place, i, i, q] += 1
-        cofactors(f[place], cof)
-        j[place] = 0
-        add_contraction(1 / f.shape[1], f[place], cof, j[place])
-        for q in range(f.shape[3]):
-            inside &= 0 < j[place, q] < np.inf
-    return inside
 
 
 @inner
-def _values(
-    tapes: Tapes,
-    number: int,
-    f: Array,
-    cof: Array,
-    fibres: Array,
-    j: Array,
-    dilation: Array,
-    slots: Doubles,
-) -> None:
-    """Write cof F and the values of a tape at a row."""
-    cofactors(f, cof)
-    measure(f, cof, fibres, tapes.inputs[number], slots)
-    for q in range(len(j)):
-        slots[J, q], slots[THETA, q] = j[q], dilation[q]
-    values_of(number, tapes, slots)
+def _set_inputs(f: Array, fibres: Array, beside: Array, values: Array) -> None:
+    """Write the inputs of a row: F, directions of fibres, and what an element has beside."""
+    d, slot = len(f), 1
+    for i in range(d):
+        for j in range(d):
+            values[slot] = f[i, j]
+            slot += 1
+    for i in range(len(fibres)):
+        values[slot] = fibres[i]
+        slot += 1
+    for i in range(len(beside)):
+        values[slot] = beside[i]
+        slot += 1
 
 
 @compiled
-def stresses(
-    cells: Cells,
-    fibres: Array,
-    tapes: Tapes,
-    f: Array,
-    j: Array,
-    dilation: Array,
-    piola: Array,
-    slope: Array,
+def outputs_of(
+    cells: Cells, programs: Programs, fibres: Array, f: Array, beside: Array, out: Array
 ) -> None:
-    """Write P without p, and ∂W/∂θ where there is θ, of the stress tapes.
+    """Write the outputs of programs at all points.
 
     Parameters
     ----------
     cells : Cells
-    fibres : array, (n_blocks, families, d, n)
-    tapes : Tapes
-    f, j, dilation, piola, slope
-        Rows; without θ, `dilation` is J, and `slope` has no rows.
+    programs : Programs
+    fibres : array, (n_blocks, n_components, n)
+    f : array, (n_rows, d, d, n)
+    beside : array, (n_rows, 0, 1 or 2, n)
+        θ and p, as far as there are some; none is taken that is not given.
+    out : array, (n_rows, n_outputs, n)
     """
-    _, d, _, row = f.shape
     per_cell = cells.gradients.shape[1]
-    cof, parts, by = np.empty((d, d, row)), np.empty((2, d, d, row)), np.empty(row)
-    slots = np.empty((tapes.slots, row))
+    values = np.zeros((1, programs.slots, f.shape[3]))
+    known = np.empty((1, programs.slots), np.bool_)
+    begin(values, known)
+    known[0, : programs.inputs] = True
     for place in range(len(f)):
-        block, at = place // per_cell, f[place]
-        number = cells.laws[block]
-        _values(tapes, number, at, cof, fibres[block], j[place], dilation[place], slots)
-        piola[place] = 0
-        for a in range(tapes.inputs[number]):
-            if weight(tapes, number, a, slots, by):
-                add_derivative(a, by, at, cof, fibres[block], parts, piola[place])
-        if len(slope):
-            weight(tapes, number, THETA, slots, slope[place])
-
-
-@compiled
-def add_pressures(f: Array, pressure: Array, piola: Array) -> None:
-    """Add p cof F: rows."""
-    cof = np.empty_like(f[0])
-    for place in range(len(f)):
-        cofactors(f[place], cof)
-        for i in range(len(cof)):
-            for j in range(len(cof)):
-                for q in range(cof.shape[2]):
-                    piola[place, i, j, q] += pressure[place, q] * cof[i, j, q]
+        block = place // per_cell
+        law = cells.laws[block]
+        _set_inputs(f[place], fibres[block], beside[place], values[0])
+        run(programs, law, 0, values, known)
+        for i in range(out.shape[1]):
+            out[place, i] = values[0, programs.outputs[law, i]]
 
 
 @compiled
@@ -211,54 +173,60 @@ def spread(cells: Cells, functions: Functions, of_functions: Array, out: Array) 
 @compiled
 def tangents(
     cells: Cells,
+    programs: Programs,
     fibres: Array,
-    tapes: Tapes,
     f: Array,
-    j: Array,
-    dilation: Array,
-    pressure: Array,
-    mixed: Array,
-    curvature: Array,
+    beside: Array,
     out: Array,
+    of_beside: Array,
 ) -> None:
-    r"""Add the tangents of all cells at fixed θ and p, of the tapes of energies.
+    r"""Add the tangents of all cells at fixed θ and p.
 
     .. math:: K_{aibk} = \sum_q w_q G_{aj} \mathbb{A}_{ijkl} G_{bl}
 
     Parameters
     ----------
-    cells, fibres, tapes, f, j, dilation
-        As of `stresses`.
-    pressure, mixed, curvature
-        Rows of p, and, as output, of ∂²W/∂F∂θ and ∂²W/∂θ², where there is θ.
+    cells, programs, fibres, f, beside
+        As of `outputs_of`, of derivatives by F and what is beside.
     out : array, (n_cells, n_corners d, n_corners d)
+    of_beside : array, (n_rows, 2 d² + 1, n), or no rows
+        Also written: derivatives of P by θ, and by p, then ∂²W/∂θ².
     """
     blocks, points, _, d, row = cells.gradients.shape
-    corners = out.shape[1] // d
-    cof, parts, by = np.empty((d, d, row)), np.empty((4, d, d, row)), np.empty(row)
-    slots, a = np.empty((tapes.slots, row)), np.empty((d, d, d, d, row))
-    of_point, g = np.empty((d * d, d * d)), np.empty((corners, d))
-    turned, none = np.empty((d, d, corners * d)), np.empty(0)
+    corners, square = out.shape[1] // d, d * d
+    changing = square + beside.shape[1]
+    values = np.empty((2, programs.slots, row))
+    known = np.empty((2, programs.slots), np.bool_)
+    begin(values, known)
+    known[0, : programs.inputs] = True
+    a = np.empty((changing, square + 1, row))
+    of_point, g = np.empty((square, square)), np.empty((corners, d))
+    turned = np.empty((d, d, corners * d))
     for place in range(blocks * points):
-        block, at = place // points, f[place]
-        p, number, count = place - block * points, cells.laws[block], 0
-        _values(tapes, number, at, cof, fibres[block], j[place], dilation[place], slots)
-        at_point = pressure[place] if len(pressure) else none
-        moduli(tapes, number, slots, at_point, at, cof, fibres[block], parts, a)
-        if len(mixed):
-            mixed[place], count = 0, tapes.inputs[number]
-            for b in range(count):
-                if weight(tapes, number, pair(count, b, THETA), slots, by):
-                    add_derivative(b, by, at, cof, fibres[block], parts, mixed[place])
-            weight(tapes, number, pair(count, THETA, THETA), slots, curvature[place])
-        rows = a.reshape(d * d, d * d, row)
+        block = place // points
+        p, law = place - block * points, cells.laws[block]
+        _set_inputs(f[place], fibres[block], beside[place], values[0])
+        run(programs, law, 0, values, known)
+        for x in range(changing):
+            slot = 1 + x if x < square else programs.inputs - changing + x
+            values[1, slot], known[1, slot] = 1, True
+            run(programs, law, 1, values, known)
+            known[1, slot] = False
+            for y in range(square if x < square else square + 1):
+                by = programs.outputs[law, y]
+                for q in range(row):
+                    a[x, y, q] = values[1, by, q] if known[1, by] else 0.0
+        for x in range(square, changing):
+            of_beside[place, (x - square) * square : (x - square + 1) * square] = a[x, :square]
+        if changing > square:
+            of_beside[place, 2 * square] = a[square, square]
         for q, cell in enumerate(cells.numbers[block]):
             if cell < 0:
                 break
             volume = cells.volumes[place, q]
-            for x in range(d * d):
-                for y in range(d * d):
-                    of_point[x, y] = volume * rows[x, y, q]
+            for x in range(square):
+                for y in range(square):
+                    of_point[x, y] = volume * a[x, y, q]
             for b in range(corners):
                 for k in range(d):
                     g[b, k] = cells.gradients[block, p, b, k, q]
@@ -311,7 +279,7 @@ def add_works(cells: Cells, functions: Functions, stress: Array, out: Array) -> 
                 for i in range(d):
                     total = 0.0
                     for j in range(d):
-                        total += stress[place, i, j, q] * cells.gradients[block, p, b, j, q]
+                        total += stress[place, i * d + j, q] * cells.gradients[block, p, b, j, q]
                     total *= cells.volumes[place, q]
                     for a in range(out.shape[2]):
                         out[cell, b * d + i, a] += total * functions.values[place, a, q]

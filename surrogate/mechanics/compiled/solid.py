@@ -6,8 +6,8 @@ gradients.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,7 +17,7 @@ from torch import Tensor
 
 from surrogate.mechanics.compiled import loops
 from surrogate.mechanics.compiled.cells import Cells
-from surrogate.mechanics.compiled.tapes import Tapes
+from surrogate.mechanics.compiled.program import Programs
 
 if TYPE_CHECKING:
     from surrogate.mechanics.solids.solid import Solid
@@ -63,21 +63,17 @@ class CompiledSolid:
         gradients = solid.gradients.numpy().swapaxes(1, 2)
         volumes = solid.volumes.numpy()
         self.cells = Cells.of(solid.cells.numpy(), gradients, volumes, 1.0, numbers)
-        self._stress = Tapes.of([law.stress for law in solid.laws])
-        fibres = np.zeros((len(volumes), 0, gradients.shape[3]))
-        if solid.fibres is not None:
-            fibres = solid.fibres[..., 0, 0].permute(2, 0, 1).numpy()
-        self._fibres = self.cells.of_cells(fibres)
-        self._none = np.empty((0, self.cells.volumes.shape[1]))
+        self._fibres = self.cells.of_cells(fibre_components(solid))
+        self._programs = {
+            name: Programs.of(solid.recorded_laws, 2 * solid.projects, [name])
+            for name in ("volume", "slope", "stress", "derivatives")
+            if solid.projects or name != "slope"
+        }
         self._functions: loops.Functions | None = None
         if solid.projects:
             shapes = solid.shapes.numpy()
             values = np.broadcast_to(shapes, (len(volumes), *shapes.shape))
             self._functions = loops.Functions(solid.corners.numpy(), self.cells.of_points(values))
-
-    @cached_property
-    def _energy(self) -> Tapes:
-        return Tapes.of([law.energy for law in self._solid.laws])
 
     def slopes(self, u: Array) -> Array:
         """∇u: (n_points, d) in m → rows."""
@@ -88,28 +84,35 @@ class CompiledSolid:
     def deformed(self, u: Array) -> Deformed:
         """A state, whatever it is: (n_points, d) in m."""
         f = np.empty((len(self.cells.volumes), *self._tensor))
-        j = np.empty(self.cells.volumes.shape)
-        inside = loops.deform(self.cells, np.ascontiguousarray(u), f, j)
-        if self._functions is None:
-            return Deformed(f, j, j, inside)
-        dilation, positive = self._projected(j)
-        return Deformed(f, j, dilation, inside and positive)
+        loops.deform(self.cells, np.ascontiguousarray(u), f)
+        dilation = j = self._outputs("volume", f, [])[:, 0]
+        inside = bool(j.min() > 0 and j.max() < np.inf)
+        if self._functions is not None:
+            dilation, positive = self._projected(j)
+            inside &= positive
+        return Deformed(f, j, dilation, inside)
 
     def first_piola(self, state: Deformed) -> Array:
         """P in Pa, no meaning if a cell is inverted: rows."""
-        found, pressure = self._stressed(state)
-        if len(pressure):
-            loops.add_pressures(state.f, pressure, found)
-        return found
+        beside = self._beside(state)
+        return self._outputs("stress", state.f, beside).reshape(state.f.shape)
 
-    def _stressed(self, state: Deformed) -> tuple[Array, Array]:
-        """P without p, and p if there is θ: rows in Pa."""
-        found, slope = np.empty_like(state.f), np.empty_like(state.dilation)
+    def _beside(self, state: Deformed, relaxed: bool = False) -> list[Array]:
+        """θ and p, if there are some; p of a relaxed tangent is zero."""
         if self._functions is None:
-            slope = self._none
-        of = state.f, state.j, state.dilation
-        loops.stresses(self.cells, self._fibres, self._stress, *of, found, slope)
-        return found, slope if self._functions is None else self._projected(slope)[0]
+            return []
+        if relaxed:
+            return [state.dilation, np.zeros_like(state.dilation)]
+        slope = self._outputs("slope", state.f, [state.dilation])[:, 0]
+        return [state.dilation, self._projected(slope)[0]]
+
+    def _outputs(self, name: str, f: Array, beside: Sequence[Array]) -> Array:
+        """Outputs of a program at the points: rows → (n_rows, n_outputs, n)."""
+        programs = self._programs[name]
+        found = np.empty((len(f), programs.outputs.shape[1], f.shape[3]))
+        rows = stacked(beside, self.cells.volumes)
+        loops.outputs_of(self.cells, programs, self._fibres, f, rows, found)
+        return found
 
     def forces(self, stress: Array) -> Array:
         """Σ_q w_q P_q ∇N_a in N: rows in Pa → (n_points, d)."""
@@ -145,23 +148,24 @@ class CompiledSolid:
         state, solid = self.deformed(u), self._solid
         count, _, corners, d = solid.gradients.shape
         tangent = np.zeros((count, corners * d, corners * d))
-        of = self.cells, self._fibres, self._energy, state.f, state.j, state.dilation
-        if self._functions is None:
-            none = np.empty((0, *self._tensor))
-            loops.tangents(*of, self._none, none, self._none, tangent)
+        beside, functions = (
+            stacked(self._beside(state, relaxed), self.cells.volumes),
+            self._functions,
+        )
+        rows = 0 if functions is None else len(state.f)
+        parts = np.empty((rows, 2 * d * d + 1, state.f.shape[3]))
+        of = self.cells, self._programs["derivatives"], self._fibres, state.f, beside
+        loops.tangents(*of, tangent, parts)
+        if functions is None:
             return torch.from_numpy(tangent[None])
-        pressure = np.zeros_like(state.j) if relaxed else self._stressed(state)[1]
-        mixed, curvature = np.empty_like(state.f), np.empty_like(state.j)
-        loops.tangents(*of, pressure, mixed, curvature, tangent)
-        each = self._functions.numbers.shape[1]
+        each = functions.numbers.shape[1]
         by_dilation, by_pressure = np.zeros((2, count, corners * d, each))
-        square, cof = np.zeros((count, each, each)), np.zeros_like(state.f)
-        loops.add_pressures(state.f, np.ones_like(state.j), cof)
-        loops.add_works(self.cells, self._functions, mixed, by_dilation)
-        loops.add_works(self.cells, self._functions, cof, by_pressure)
-        loops.add_squares(self.cells, self._functions, curvature, square)
-        parts = tangent, by_dilation, by_pressure, square
-        return solid.composed(*(torch.from_numpy(part[None]) for part in parts))
+        square = np.zeros((count, each, each))
+        loops.add_works(self.cells, functions, parts[:, : d * d], by_dilation)
+        loops.add_works(self.cells, functions, parts[:, d * d : -1], by_pressure)
+        loops.add_squares(self.cells, functions, parts[:, -1], square)
+        found = tangent, by_dilation, by_pressure, square
+        return solid.composed(*(torch.from_numpy(part[None]) for part in found))
 
     @property
     def _tensor(self) -> tuple[int, int, int]:
@@ -176,3 +180,16 @@ class CompiledSolid:
         loops.sums(self.cells, functions, values, total)
         found = np.empty_like(values)
         return found, loops.spread(self.cells, functions, self._solid.solved_mass(total), found)
+
+
+def fibre_components(solid: Solid) -> Array:
+    """Directions of the families in all cells, if there are some: (n_cells, families · d)."""
+    if solid.fibres is None:
+        return np.zeros((len(solid.cells), 0))
+    found: Array = solid.fibres[..., 0, 0].permute(2, 0, 1).flatten(1).numpy()
+    return found
+
+
+def stacked(fields: Sequence[Array], like: Array) -> Array:
+    """Scalars at the points, (n_rows, n) each, as (n_rows, n_fields, n)."""
+    return np.stack(fields, 1) if fields else np.empty((len(like), 0, like.shape[1]))

@@ -28,9 +28,13 @@ from numpy.typing import NDArray
 
 from surrogate.mechanics.compiled.cells import Cells
 from surrogate.mechanics.compiled.fields import Array as Values
-from surrogate.mechanics.compiled.fields import add_contraction, compiled, rough_product
+from surrogate.mechanics.compiled.fields import (
+    add_contraction,
+    cofactors,
+    compiled,
+    rough_product,
+)
 from surrogate.mechanics.compiled.loops import mean
-from surrogate.mechanics.compiled.measures import cofactors
 from surrogate.mechanics.compiled.solid import CompiledSolid
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 

@@ -1,14 +1,6 @@
-r"""Energy in modes, its derivatives and its minimum, in loops that Numba compiles.
+"""Energy in modes, its derivatives and its minimum, in loops that Numba compiles.
 
-At every point, with the derivatives of the energy by its measures
-(`surrogate.mechanics.energy.law`) and :math:`I_1' = 2 F`, :math:`J' = \mathrm{cof} F` and
-:math:`I_2' = 2 \, \mathrm{cof} F × F`,
-
-.. math::
-    P = \sum_a ψ_a I_a', \qquad \frac{∂P}{∂F} : H = \sum_{a, b} ψ_{ab} \, (I_b' : H) \, I_a'
-        + 2 ψ_1 H + ψ_J \, F × H + 2 ψ_2 (F × (F × H) + \mathrm{cof} F × H).
-
-In the plane :math:`F_{33} = 1`.
+Stresses and moduli are those of the programs of the laws (`surrogate.mechanics.compiled.run`).
 """
 
 from __future__ import annotations
@@ -20,11 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.mechanics.compiled.fields import add_cross_product, compiled, product_of
-from surrogate.mechanics.compiled.tapes import Tapes, values_of
+from surrogate.mechanics.compiled.fields import compiled, product_of
+from surrogate.mechanics.compiled.program import Programs
+from surrogate.mechanics.compiled.run import begin, run
 from surrogate.mechanics.energy.law import Law
-from surrogate.mechanics.series.compiled_laws import I1, I2, INPUTS, THETA, J, Laws
-from surrogate.mechanics.series.compiled_weights import pair
+from surrogate.mechanics.solids.recorded_law import recorded_law
 
 SMALLEST_J = 1e-3
 SUFFICIENT = 1e-4  # decrease of a step, over that of its slope (Armijo)
@@ -33,7 +25,6 @@ ROUNDING = 1e-9  # of Π, relative to the stored energy
 LEAST_CUT, HALF = 0.1, 0.5  # of a step that is shortened
 RENEWED = 10  # steps after which the first inverse is computed again
 FIRST_SHIFT, SHIFT_GROWTH = 0.1, 4.0  # relative to the stiffness at rest
-FIRST = 1 + INPUTS  # outputs of an energy tape: the energy, its derivatives, the second ones
 Doubles = NDArray[np.float64]
 Singles = NDArray[np.float32]
 
@@ -43,15 +34,14 @@ class Points(NamedTuple):
 
     Attributes
     ----------
-    slopes : array, (9 · n_points, m)
-        Gradients of the modes in 1/m times the unit of a, row 3 i + j of every point.
-    leading : array, (9 · n_points, k)
+    slopes : array, (d² · n_points, m)
+        Gradients of the modes in 1/m times the unit of a, row d i + j of every point.
+    leading : array, (d² · n_points, k)
         Those of the first k modes.
     weights : array, (n_points,)
         In m³.
-    laws : Laws
-    first : Tapes
-        Those of the energies, as far as the energy and its first derivatives.
+    programs : Programs
+        Of stress, J and energy.
     starts : array of int, (n_laws + 1,)
         First point of every law, then the number of points.
     """
@@ -59,112 +49,78 @@ class Points(NamedTuple):
     slopes: Singles
     leading: Singles
     weights: Doubles
-    laws: Laws
-    first: Tapes
+    programs: Programs
     starts: NDArray[np.int64]
 
 
-class Fields(NamedTuple):
-    """Fields at the points of a cubature.
+@compiled
+def stress_of(points: Points, a: Doubles, stress: Singles, moduli: Singles) -> float:
+    """Write P times the weights of the points, and its derivatives; return the energy in J.
 
-    Attributes
+    It is +∞, without them, where J is not positive or there is no energy.
+
+    Parameters
     ----------
-    cof, mixed : array, (9, n_points)
-        cof F, and cof F × F, which is zero where no energy depends on I₂.
-    stress : array, (9, n_points)
-        P times the weights of the points.
-    values : array, (n, n_points)
-        Outputs of the tapes of the energies, as many as wanted.
+    points : Points
+    a : array, (m,)
+    stress : array, (d², n_points)
+    moduli : array, (d², d², n_points), or no rows
+        Derivatives by every component of F.
     """
-
-    cof: Doubles
-    stress: Singles
-    mixed: Doubles
-    values: Doubles
-
-
-@compiled
-def deformation(points: Points, a: Doubles) -> Doubles:
-    """F at the points: (m,) → (9, n_points)."""
-    f = (points.slopes @ a.astype(np.float32)).astype(np.float64)
-    f = f.reshape(9, len(points.weights))
-    for i in range(3):
-        for q in range(f.shape[1]):
-            f[4 * i, q] += 1
-    return f
-
-
-@compiled
-def stress_of(points: Points, tapes: Tapes, f: Doubles, fields: Fields) -> bool:
-    """Write the fields of F at the points, (9, n_points); False where J is not positive."""
-    n = f.shape[1]
-    cof, stress, mixed, values = fields
-    space = (3, 3, n)
-    cof[:], mixed[:] = 0, 0
-    add_cross_product(0.5, f.reshape(space), f.reshape(space), cof.reshape(space))
-    for number in range(len(points.starts) - 1):
-        start, stop = points.starts[number], points.starts[number + 1]
-        slots = np.empty((INPUTS + tapes.codes.shape[1], stop - start))
-        slots[I1, :], slots[I2, :], slots[J, :], slots[THETA, :] = 0, 0, 0, 1
-        for r in range(9):
+    slopes = (points.slopes @ a.astype(np.float32)).reshape(-1, len(points.weights))
+    square, programs, energy = len(slopes), points.programs, 0.0
+    d = 2 if square == 4 else 3
+    for law in range(len(points.starts) - 1):
+        start, stop = points.starts[law], points.starts[law + 1]
+        values = np.empty((2, programs.slots, stop - start))
+        known = np.empty((2, programs.slots), np.bool_)
+        outputs, weights = programs.outputs[law], points.weights[start:stop]
+        begin(values, known)
+        for i in range(square):
+            known[0, 1 + i], unit = True, 1 if i % (d + 1) == 0 else 0
             for q in range(start, stop):
-                slots[I1, q - start] += f[r, q] * f[r, q]
-                slots[I2, q - start] += cof[r, q] * cof[r, q]
-                if r < 3:
-                    slots[J, q - start] += f[r, q] * cof[r, q]
-        for q in range(stop - start):
-            if not slots[J, q] > SMALLEST_J:
-                return False
-        values_of(number, tapes, slots)
-        for k in range(len(values)):
-            place = tapes.outputs[number, k]
-            if place < 0:
-                values[k, start:stop] = tapes.fixed[number, k]
-            else:
-                values[k, start:stop] = slots[place]
-    if points.laws.second_is.any():
-        add_cross_product(1.0, cof.reshape(space), f.reshape(space), mixed.reshape(space))
-    for r in range(9):
-        for q in range(n):
-            first, second, volume = values[1 + I1, q], values[1 + I2, q], values[1 + J, q]
-            total = 2 * first * f[r, q] + 2 * second * mixed[r, q] + volume * cof[r, q]
-            stress[r, q] = points.weights[q] * total
-    return True
-
-
-@compiled
-def room(outputs: int, n: int) -> Fields:
-    """Make room for fields at some points."""
-    return Fields(
-        np.empty((9, n)), np.empty((9, n), np.float32), np.empty((9, n)), np.empty((outputs, n))
-    )
+                values[0, 1 + i, q - start] = unit + slopes[i, q]
+        run(programs, law, 0, values, known)
+        for j in values[0, outputs[square]]:
+            if not j > SMALLEST_J:
+                return np.inf
+        energy += product_of(weights, values[0, outputs[square + 1]])
+        for i in range(square):
+            for q in range(start, stop):
+                stress[i, q] = weights[q - start] * values[0, outputs[i], q - start]
+        for k in range(len(moduli)):
+            known[1, 1 + k], values[1, 1 + k] = True, 1
+            run(programs, law, 1, values, known)
+            known[1, 1 + k] = False
+            for i in range(square):
+                for q in range(start, stop):
+                    change = values[1, outputs[i], q - start] if known[1, outputs[i]] else 0.0
+                    moduli[k, i, q] = weights[q - start] * change
+    return energy if energy < np.inf else np.inf  # no energy, or none that is a number
 
 
 @compiled
 def forces_of_points(points: Points, a: Doubles) -> Doubles:
     """Gradients of the energies of all points: (m,) → (m, n_points)."""
-    f = deformation(points, a)
-    n = f.shape[1]
-    fields, forces = room(FIRST, n), np.zeros((n, len(a)))
-    stress_of(points, points.first, f, fields)
+    n, square = len(points.weights), len(points.slopes) // len(points.weights)
+    stress, forces = np.empty((square, n), np.float32), np.zeros((n, len(a)))
+    stress_of(points, a, stress, np.empty((0, square, n), np.float32))
     for q in range(n):
-        for r in range(9):
+        for r in range(square):
             for k in range(len(a)):
-                forces[q, k] += fields.stress[r, q] * points.slopes[r * n + q, k]
+                forces[q, k] += stress[r, q] * points.slopes[r * n + q, k]
     return forces.T
 
 
 @compiled
 def energy_at(points: Points, a: Doubles, force: Doubles, gradient: Doubles) -> float:
     """Return Π in J and write its gradient, (m,); +∞ without it where J is not positive."""
-    f = deformation(points, a)
-    fields = room(FIRST, f.shape[1])
-    if not stress_of(points, points.first, f, fields):
-        return np.inf
-    energy = product_of(points.weights, fields.values[0])
-    if not energy < np.inf:  # no energy, or none that is a number
-        return np.inf
-    internal = fields.stress.reshape(-1) @ points.slopes
+    n, square = len(points.weights), len(points.slopes) // len(points.weights)
+    stress = np.empty((square, n), np.float32)
+    energy = stress_of(points, a, stress, np.empty((0, square, n), np.float32))
+    if energy == np.inf:
+        return energy
+    internal = stress.reshape(-1) @ points.slopes
     for k in range(len(a)):
         gradient[k] = internal[k] - force[k]
         energy -= force[k] * a[k]
@@ -172,52 +128,16 @@ def energy_at(points: Points, a: Doubles, force: Doubles, gradient: Doubles) -> 
 
 
 @compiled
-def add_crossed(factor: float, f: Doubles, q: int, out: Singles) -> None:
-    """Add the matrix of x A × · at a point, of A in a column: (9, n_points) → (9, 9)."""
-    for i in range(3):
-        i1, i2 = 3 * ((i + 1) % 3), 3 * ((i + 2) % 3)
-        for c in range(3):
-            r, c1, c2 = 3 * i + c, (c + 1) % 3, (c + 2) % 3
-            out[r, i1 + c1] += factor * f[i2 + c2, q]
-            out[r, i2 + c2] += factor * f[i1 + c1, q]
-            out[r, i1 + c2] -= factor * f[i2 + c1, q]
-            out[r, i2 + c1] -= factor * f[i1 + c2, q]
-
-
-@compiled
 def stiffness_of(points: Points, a: Doubles, modes: Singles) -> Doubles:
-    """Π'' in J for some of the modes, whose slopes are given: (9 · n_points, k) → (k, k)."""
-    f, tapes = deformation(points, a), points.laws.energy
-    n, turned = f.shape[1], np.zeros_like(modes)
-    fields = room(tapes.outputs.shape[1], n)
-    stress_of(points, tapes, f, fields)
-    moduli, crossed = np.empty((9, 9), np.float32), np.empty((9, 9), np.float32)
-    by = np.empty((3, 9))  # I_a'
-    for q in range(n):
-        values = fields.values[:, q]
-        moduli[:] = 0
-        if values[1 + I2] != 0:
-            crossed[:] = 0
-            add_crossed(1.0, f, q, crossed)
-            moduli[:] = np.float32(2 * values[1 + I2]) * (crossed @ crossed)
-            add_crossed(2 * values[1 + I2], fields.cof, q, moduli)
-        add_crossed(values[1 + J], f, q, moduli)
-        for r in range(9):
-            moduli[r, r] += 2 * values[1 + I1]
-            by[I1, r], by[I2, r] = 2 * f[r, q], 2 * fields.mixed[r, q]
-            by[J, r] = fields.cof[r, q]
-        for one in range(3):
-            for other in range(3):
-                factor = values[pair(one, other)]
-                if factor != 0:
-                    for r in range(9):
-                        for t in range(9):
-                            moduli[r, t] += factor * by[one, r] * by[other, t]
-        for r in range(9):
-            out = turned[r * n + q]
-            for t in range(9):
-                factor = np.float32(points.weights[q]) * moduli[r, t]
-                slopes = modes[t * n + q]
+    """Π'' in J for some of the modes, whose slopes are given: (d² · n_points, k) → (k, k)."""
+    n, square = len(points.weights), len(points.slopes) // len(points.weights)
+    stress, moduli = np.empty((square, n), np.float32), np.empty((square, square, n), np.float32)
+    stress_of(points, a, stress, moduli)
+    turned = np.zeros_like(modes)
+    for r in range(square):
+        for t in range(square):
+            for q in range(n):
+                out, slopes, factor = turned[r * n + q], modes[t * n + q], moduli[t, r, q]
                 for k in range(len(out)):
                     out[k] += factor * slopes[k]
     return (modes.T @ turned).astype(np.float64)
@@ -338,10 +258,7 @@ def points_of(
 ) -> Points:
     """Make points of gradients (n_points, d, d, m), law after law, with k leading modes."""
     n, d, _, modes = slopes.shape
-    of_space = np.zeros((3, 3, n, modes), np.float32)
-    of_space[:d, :d] = slopes.transpose(1, 2, 0, 3)
-    single = of_space.reshape(9 * n, modes)
-    every = Laws.of(laws)
-    counts = np.maximum(every.energy.outputs[:, :FIRST].max(axis=1) + 1 - INPUTS, 0)
-    first = every.energy._replace(counts=counts)
-    return Points(single, np.ascontiguousarray(single[:, :k]), weights, every, first, starts)
+    of_rows = slopes.transpose(1, 2, 0, 3).reshape(d * d * n, modes).astype(np.float32)
+    recorded = [recorded_law(law, d, False) for law in laws]
+    programs = Programs.of(recorded, 0, ["stress", "volume", "energy"])
+    return Points(of_rows, np.ascontiguousarray(of_rows[:, :k]), weights, programs, starts)

@@ -86,8 +86,7 @@ class BodySeries(nn.Module):
     @cached_property
     def is_compiled(self) -> bool:
         """Whether compiled code knows the body's elements and materials."""
-        fibres = any(material.family_count for material in self.solid.materials)
-        return not self.solid.projects and not fibres
+        return not self.solid.projects
 
     @cached_property
     def loops(self) -> CompiledSeries:

@@ -17,8 +17,8 @@ from numpy.typing import DTypeLike
 
 from surrogate.mechanics.compiled.cells import Cells
 from surrogate.mechanics.compiled.fields import Array, compiled, inner, largest
-from surrogate.mechanics.compiled.tapes import Doubles
-from surrogate.mechanics.series.compiled_laws import Laws
+from surrogate.mechanics.compiled.program import Doubles, Programs
+from surrogate.mechanics.compiled.solid import fibre_components
 from surrogate.mechanics.series.compiled_terms import Terms, add_term, room_for_terms
 from surrogate.mechanics.series.compiled_weights import least_energy, potential_of_terms
 from surrogate.mechanics.series.load_threads import in_threads
@@ -35,13 +35,17 @@ class SeriesBody(NamedTuple):
     Attributes
     ----------
     cells : Cells
-    laws : Laws
-    moduli : array, (3, n_laws)
-        λ, μ and the energy density at rest.
+    stress, energy : Programs
+        Of P; of P, J and the energy density.
+    fibres : array, (n_blocks, families · d, n)
+    moduli : array, (2, n_laws)
+        Shear modulus and energy density at rest.
     """
 
     cells: Cells
-    laws: Laws
+    stress: Programs
+    energy: Programs
+    fibres: Array
     moduli: Array
 
     @classmethod
@@ -57,22 +61,24 @@ class SeriesBody(NamedTuple):
         gradients, shares = (np.ascontiguousarray(each, precision) for each in arrays)
         numbers = solid.material_of_cells().numpy()
         cells = Cells.of(solid.cells.numpy(), gradients, shares, unit, numbers)
-        laws, materials = solid.laws, solid.materials
-        at_rest = [float(law.energy(law.at_rest)[0]) for law in laws]
-        lame = [(material.lame_lambda, material.lame_mu) for material in materials]
-        return cls(cells, Laws.of(laws), np.array([*np.array(lame).T, at_rest]))
+        laws, rest = solid.recorded_laws, [law.energy_at_rest for law in solid.laws]
+        moduli = np.array([[material.lame_mu for material in solid.materials], rest])
+        stress = Programs.of(laws, 0, ["stress"])
+        energy = Programs.of(laws, 0, ["stress", "volume", "energy"])
+        return cls(cells, stress, energy, cells.of_cells(fibre_components(solid)), moduli)
 
 
 @inner
 def weights_of(terms: Terms, load: int, body: SeriesBody, rounding: float) -> Doubles:
     """Weights of the terms of a load, (n,): 1 if H₁ is small, else those of the least energy."""
     found = 0.0
-    for row in range(terms.h.shape[1]):
-        found = max(found, largest(terms.h[load, row, 0].ravel()))
+    square = body.cells.gradients.shape[3] ** 2
+    for row in range(terms.kept.shape[1]):
+        found = max(found, largest(terms.kept[load, row, 0, :square].ravel()))
     if found <= SMALL:
-        return np.ones(terms.h.shape[2])
-    cells, laws, moduli = body
-    return least_energy(potential_of_terms(terms.h[load], cells, laws, moduli), rounding)
+        return np.ones(terms.kept.shape[2])
+    of = body.cells, body.energy, body.fibres, body.moduli
+    return least_energy(potential_of_terms(terms.kept[load], *of), rounding)
 
 
 add_next_term, weights_of_load = compiled(add_term), compiled(weights_of)
@@ -84,7 +90,7 @@ class CompiledSeries:
     Parameters
     ----------
     solid : Solid
-        Elements without a dilation of their own, materials without fibres.
+        Elements without a dilation of their own.
     precision : data type
         Of all fields.
     respond : callable
@@ -117,7 +123,7 @@ class CompiledSeries:
         if len(first) == 0:
             return first.copy(), first.copy()
         some = min(SOLVED, len(first))
-        room = room_for_terms(some, self.order, self.body.cells, self.body.laws)
+        room = room_for_terms(some, self.order, self.body.cells, self.body.stress)
         parts = [
             self._of_some(some, room.of(slice(len(some))))
             for some in np.split(first, range(SOLVED, len(first), SOLVED))
@@ -127,13 +133,21 @@ class CompiledSeries:
 
     def _of_some(self, first: Array, terms: Terms) -> tuple[Array, Array]:
         """The same of a few, with room for their terms."""
-        (cells, laws, _), count = self.body, len(first)
+        body, count = self.body, len(first)
         order, eps = self.order, float(np.finfo(first.dtype).eps)
         every, forces = np.zeros((order, *first.shape), first.dtype), np.zeros_like(first)
         every[0], c = first, np.ones((count, order))
 
         def add(k: int, some: slice) -> None:
-            add_next_term(k, cells, laws, every[k - 1, some], terms.of(some), forces[some])
+            add_next_term(
+                k,
+                body.cells,
+                body.stress,
+                body.fibres,
+                every[k - 1, some],
+                terms.of(some),
+                forces[some],
+            )
 
         def combine(some: slice) -> None:
             for n in range(some.start, some.stop):

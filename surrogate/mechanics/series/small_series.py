@@ -48,8 +48,7 @@ class SmallSeries:
     Parameters
     ----------
     solid : Solid
-        For which `fits` is true: elements without a dilation of their own, materials without
-        fibres.
+        For which `fits` is true: elements without a dilation of their own.
     response : array, (n_points · d, n_points · d)
         Rows: displacements of all points in m under unit forces.
     order : int
@@ -69,8 +68,8 @@ class SmallSeries:
         u, lengths = np.empty(forces.shape), np.empty(len(forces))
 
         def find(some: slice) -> None:
-            cells, laws, _ = self.body.body
-            terms = room_for_terms(1, self.order, cells, laws)
+            body = self.body.body
+            terms = room_for_terms(1, self.order, body.cells, body.stress)
             u[some], lengths[some] = small_series(forces[some], self.body, terms)
 
         in_threads(find, len(forces), OF_A_THREAD)
@@ -96,16 +95,16 @@ def small_series(loads: Array, small: SmallBody, terms: Terms) -> tuple[Array, A
     lengths : array, (N,)
         Largest displacement of a point in the last term, in m.
     """
-    cells, laws, _ = small.body
+    body = small.body
     displacements, lengths = np.zeros(loads.shape), np.zeros(len(loads))
-    order = terms.h.shape[2]
+    order = terms.kept.shape[2]
     for load in range(len(loads)):
         u = np.zeros((order, 1, *loads.shape[1:]))
         forces = loads[load : load + 1].copy()
         for k in range(order):
             add_weighted_rows(forces.ravel(), small.response, u[k].ravel())
             forces[:] = 0
-            add_term(k + 1, cells, laws, u[k], terms, forces)
+            add_term(k + 1, body.cells, body.stress, body.fibres, u[k], terms, forces)
         c = weights_of(terms, 0, small.body, EPS)
         for k in range(order):
             add_multiple(c[k], u[k].ravel(), displacements[load].ravel())

@@ -40,9 +40,11 @@ from torch import Tensor, nn
 
 from shared_schema.materials import Materials, as_tuple
 from surrogate.mechanics.energy.law import DILATION, VOLUME, Law, law_of
+from surrogate.mechanics.energy.recording import Recording
 from surrogate.mechanics.matrices.sparse_products import SparseProduct
 from surrogate.mechanics.solids.deformation import Deformation, cofactors, determinant, moduli_of
 from surrogate.mechanics.solids.elements import cell_gradients
+from surrogate.mechanics.solids.recorded_law import recorded_law
 
 if TYPE_CHECKING:
     from surrogate.mechanics.compiled.solid import CompiledSolid
@@ -181,6 +183,12 @@ class Solid(nn.Module):
         """Law of every material."""
         d = self.gradients.shape[3]
         return [law_of(material, d, self.projects) for material in self.materials]
+
+    @property
+    def recorded_laws(self) -> list[tuple[Recording, dict[str, Any]]]:
+        """The same as recordings, with their outputs."""
+        d = self.gradients.shape[3]
+        return [recorded_law(law, d, self.projects) for law in self.laws]
 
     def deformation_gradient(self, u: Tensor) -> Tensor:
         """F at the quadrature points: (N, n_nodes, d) in m → (d, d, n_cells, N, n_points)."""

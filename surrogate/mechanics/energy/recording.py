@@ -1,7 +1,8 @@
 """NumPy's computations as data: numbers of object arrays that write down what is done with them.
 
-What `surrogate.mechanics` computes at a point becomes a list of scalar operations, which the page
-runs with numbers, their derivatives or power series (`surrogate.mechanics.energy.tape`).
+What `surrogate.mechanics` computes at a point becomes a list of scalar operations, which compiled
+loops and the page run with numbers, their derivatives or power series
+(`surrogate.mechanics.energy.tape`).
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from collections.abc import Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from surrogate.mechanics.energy.tape import Operation, Tape
 
@@ -68,7 +70,7 @@ class Recording:
             Number of ``inputs``; ``codes``, ``left``, ``right`` and ``constants`` of the
             operations; ``ends``, their number up to the end of every stage; slots of the outputs.
         """
-        slots = {name: np.vectorize(self._slot, otypes=[int])(of) for name, of in outputs.items()}
+        slots = {name: self.slots_of(of) for name, of in outputs.items()}
         last = max(stages) + 1
         of_row = [*stages]
         for code, left, right, _ in self.rows:
@@ -98,6 +100,10 @@ class Recording:
                 for stage in range(last + 1)
             ],
         } | {name: np.vectorize(place.get, otypes=[int])(of).tolist() for name, of in slots.items()}
+
+    def slots_of(self, values: Any) -> NDArray[np.int64]:
+        """Slots of recorded numbers, or of an array of some; constants become slots."""
+        return np.asarray(np.vectorize(self._slot, otypes=[int])(values))
 
     def _slot(self, value: Value) -> int:
         if isinstance(value, Recorded):
