@@ -5,13 +5,15 @@ and write every field once an operation. The compiled functions add to fields in
 compiled at their first call, which takes up to 20 s once for an installation: the results are
 kept beside the code, or else in the user's cache. One process at a time writes there: Numba reads
 the list of what is kept, adds to it and replaces it, so that of two processes that do it at the
-same time one would later find the other's code under its own name.
+same time one would later find the other's code under its own name. What is kept is of all files of
+the mechanics as they are: a compiled function contains those that it calls, from other files.
 """
 
 from __future__ import annotations
 
 import gc
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -24,6 +26,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[Any]  # of one precision
 Function = TypeVar("Function", bound=Callable[..., object])
+SOURCES = Path(__file__).parents[1]
 SUMS = {"reassoc", "contract", "arcp", "nsz"}  # in any order; infinite numbers are kept
 
 
@@ -34,9 +37,18 @@ def compiled(function: Function) -> Function:
     except RuntimeError:  # no folder can be written
         made = njit(function, nogil=True, fastmath=SUMS, error_model="numpy")
     else:
+        kept = made._cache._cache_file
+        kept._source_stamp = kept._source_stamp, stamp_of(SOURCES)
         _save_one_at_a_time(made._cache)
     _compile_at_one_go(made._compiler)
     return cast(Function, made)
+
+
+@cache
+def stamp_of(folder: Path) -> tuple[tuple[float, int], ...]:
+    """Time and size of every Python file in a folder and below it."""
+    files = [path.stat() for path in sorted(folder.rglob("*.py"))]
+    return tuple((file.st_mtime, file.st_size) for file in files)
 
 
 def inner(function: Function) -> Function:

@@ -49,6 +49,39 @@ product(1.0)
 PAUSES = {"3": ("2", "3"), "5": ("3", "0")}  # before and after the list is replaced, in s
 
 
+CALLER = """
+import sys
+from pathlib import Path
+from surrogate.mechanics.compiled import fields
+
+fields.SOURCES = Path(__file__).parent
+from part import factor
+
+@fields.compiled
+def product(x):
+    return factor() * x
+"""
+PART = """
+from surrogate.mechanics.compiled.fields import inner
+
+@inner
+def factor():
+    return {}
+"""
+
+
+def test_a_part_that_changes_is_compiled_again(tmp_path: Path) -> None:
+    """Numba itself looks at the caller's file alone."""
+    (tmp_path / "caller.py").write_text(CALLER)
+    path = os.pathsep.join([str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])])
+    environment = os.environ | {"PYTHONPATH": path, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    command = [sys.executable, "-B", "-c", "from caller import product; print(product(1.0))"]
+    for factor in ("2.0", "3.25"):
+        (tmp_path / "part.py").write_text(PART.format(factor))
+        found = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+        assert found.stdout == f"{float(factor)}\n"
+
+
 @pytest.mark.slow
 def test_two_processes_compile_at_once(tmp_path: Path) -> None:
     """Both read the list before either replaces it, and one writes its code last of all."""
