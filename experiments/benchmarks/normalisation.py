@@ -1,7 +1,7 @@
 """How the normalisation of a U-Net bears on the error of fields whose size is that of their load.
 
 The paper's network is trained on the 2D beam with each normalisation at a small width, with a
-learning rate that falls to zero, and with the best two at a larger one. Every run is kept in the
+learning rate that falls to zero, and with the best ones at a larger one. Every run is kept in the
 folder `--work`, from which a later start resumes.
 
     python -m experiments benchmark normalisation DATASET
@@ -23,10 +23,11 @@ from shared_schema.common import Parser
 from surrogate import Dataset, load, read_dataset, train
 from surrogate.learning.runs import read_recipe, run_config
 
+PYTORCH = {"batch_norm_momentum": 0.1, "batch_norm_epsilon": 1e-5}
 KERAS = {"batch_norm_momentum": 0.01, "batch_norm_epsilon": 1e-3}
 NORMS: dict[str, dict[str, Any]] = {
     "none": {"batch_norm": False},
-    "channels": {"batch_norm": "channels"},
+    "channels": {"batch_norm": "channels", **PYTORCH},
     "channels, running means of Keras": {"batch_norm": "channels", **KERAS},
     "last axis, running means of Keras": {"batch_norm": "last_axis", **KERAS},
     "groups of channels": {"batch_norm": False, "group_norm": 4},
@@ -38,7 +39,7 @@ def measure(options: argparse.Namespace) -> Results:
     """Train all networks, and measure their errors."""
     dataset = read_dataset(options.dataset)
     rows = [trained(options, dataset, norm, options.channels) for norm in NORMS]
-    best = sorted(rows, key=lambda row: row["mean_error"])[:2]
+    best = sorted(rows, key=lambda row: row["mean_error"])[: options.wide]
     rows += [trained(options, dataset, row["norm"], options.wide_channels) for row in best]
     return {"epochs": options.epochs, "learning_rate": options.learning_rate, "rows": rows}
 
@@ -50,6 +51,7 @@ def trained(options: argparse.Namespace, dataset: Dataset, norm: str, channels: 
         "epochs": options.epochs,
         "optimiser": {"learning_rate": options.learning_rate},
         "schedule": {"name": "linear"},
+        "validation_fraction": 0.0,
     }
     network = {"channels": channels, "initialisation": "glorot", **NORMS[norm]}
     change = {"name": name, "recipe": "custom", "network": network, "training": training}
@@ -73,7 +75,10 @@ def arguments(parser: Parser) -> None:
     """Add the options."""
     parser.add_argument("dataset", type=Path, help="structured dataset")
     parser.add_argument("--channels", type=int, default=16, help="width of all networks")
-    parser.add_argument("--wide-channels", type=int, default=32, help="width of the best two")
+    parser.add_argument(
+        "--wide", type=int, default=2, help="how many of the best are trained wider"
+    )
+    parser.add_argument("--wide-channels", type=int, default=32, help="their width")
     parser.add_argument("--epochs", type=int, default=60)
     parser.add_argument("--learning-rate", type=float, default=1e-3, help="at the beginning")
     parser.add_argument("--work", type=Path, default=Path("runs/normalisation"))

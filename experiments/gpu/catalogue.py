@@ -4,7 +4,7 @@ from experiments.framework.experiment import Experiment
 from experiments.gpu.frames import frames
 from experiments.gpu.gpu_tests import gpu_tests
 from experiments.gpu.latency import latency
-from experiments.gpu.recipes import constant_channels, paper_recipe
+from experiments.gpu.recipes import constant_channels, paper_recipe, with_norm
 from experiments.gpu.responses import responses
 from experiments.gpu.setting import GpuSetting
 from experiments.gpu.throughput import throughput
@@ -12,9 +12,15 @@ from experiments.gpu.throughput import throughput
 Step = Experiment[GpuSetting]
 
 
+def _to_the_end(body: str, seconds: float) -> Step:
+    name = f"{body}-paper"
+    title, work = f"The paper's recipe {name}", paper_recipe(name)
+    return Step(f"last-axis-{body}", title, "", work, seconds=seconds)
+
+
 def _without_norm(body: str, seconds: float) -> Step:
     name = f"{body}-paper"
-    title, work = f"{name} without batch norm", paper_recipe(name, batch_norm=False)
+    title, work = f"{name} without batch norm", with_norm(name, batch_norm=False)
     return Step(f"without-norm-{body}", title, "", work, seconds=seconds)
 
 
@@ -26,11 +32,17 @@ STEPS: tuple[Step, ...] = (
     Step("frames", "Frames a second of large bodies", "", frames, seconds=90),
     Step(
         "paper-beam2d-det",
-        "The paper's recipe beam2d-det-paper",
+        "beam2d-det-paper with a norm of the channels",
         "",
-        paper_recipe("beam2d-det-paper"),
+        with_norm("beam2d-det-paper", batch_norm=True),
         seconds=480,
     ),
+    _to_the_end("beam2d-det", 500),
+    _to_the_end("beam2d-mle", 500),
+    _to_the_end("beam2d-vb", 500),
+    _to_the_end("lshape2d-det", 500),
+    _to_the_end("lshape2d-mle", 500),
+    _to_the_end("lshape2d-vb", 500),
     _without_norm("beam2d-det", 100),
     _without_norm("beam2d-mle", 80),
     _without_norm("beam2d-vb", 80),

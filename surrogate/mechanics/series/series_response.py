@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 import torch
-from scipy.sparse import eye_array
+from scipy.sparse import csr_array, eye
 from torch import Tensor
 
 from shared_schema.materials import Materials
@@ -67,7 +67,7 @@ class SeriesResponse(LinearResponse):
         self.series = BodySeries(self.equilibrium, order, *responses, self.precision)
         self.on_points: WeightedSums | None = None
         if geometry.has_points_between:
-            spread = eye_array(len(self.equilibrium.free), self.nodes, format="csr")
+            spread = csr_array(eye(len(self.equilibrium.free), self.nodes))
             self.on_points = WeightedSums(spread, torch.float64)  # no forces between the nodes
         self.pressed: PressedLoads | None = None
         if geometry.surfaces:

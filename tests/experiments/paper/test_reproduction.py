@@ -227,6 +227,7 @@ def test_configurations_in_words() -> None:
     assert config.architecture == "4 U-Nets, 3 levels, c = 16, doubling, SiLU"
     assert config.training_summary == "variational Bayes, Muon, 40 epochs, batches of 32"
     config = read_scale("paper", REPRODUCTION.scales).config_of("beam2d-det")
-    assert config.architecture == "U-Net, 3 levels, c = 128, doubling, ReLU, batch norm"
+    words = "U-Net, 3 levels, c = 128, doubling, ReLU, batch norm of the last axis"
+    assert config.architecture == words
     assert config.training_summary == "squared error, Adam, 600 epochs, batches of 4"
     assert scale.config_of("beam3d-linear").architecture == "linear layer"
