@@ -64,11 +64,10 @@ def test_directions_are_compared() -> None:
     assert "| `beam2d_any` | 3 | 0.5% | 100.0% |" in page
 
 
-WITHOUT_RECORD = {"normalisation"}
 LEARNERS = {name for name, of in PROGRAMS.items() if of == "surrogate"}
 
 
-@pytest.mark.parametrize("name", sorted(LEARNERS - WITHOUT_RECORD))
+@pytest.mark.parametrize("name", sorted(LEARNERS))
 def test_pages_are_made_from_the_records(name: str) -> None:
     benchmark = find_benchmark(name)
     page = benchmark.path.read_text()
