@@ -26,12 +26,12 @@ from surrogate.learning.runs import read_recipe, run_config
 PYTORCH = {"batch_norm_momentum": 0.1, "batch_norm_epsilon": 1e-5}
 KERAS = {"batch_norm_momentum": 0.01, "batch_norm_epsilon": 1e-3}
 NORMS: dict[str, dict[str, Any]] = {
-    "none": {"batch_norm": False},
+    "none": {"batch_norm": False, **PYTORCH},
     "channels": {"batch_norm": "channels", **PYTORCH},
     "channels, running means of Keras": {"batch_norm": "channels", **KERAS},
     "last axis, running means of Keras": {"batch_norm": "last_axis", **KERAS},
-    "groups of channels": {"batch_norm": False, "group_norm": 4},
-    "layer": {"batch_norm": False, "group_norm": 1},
+    "groups of channels": {"batch_norm": False, "group_norm": 4, **PYTORCH},
+    "layer": {"batch_norm": False, "group_norm": 1, **PYTORCH},
 }
 
 
@@ -90,6 +90,6 @@ ABOUT = (
     "{epochs} epochs in batches of four, with a learning rate that falls from "
     "{learning_rate:g} to 0, from Glorot's weights. Errors are of the test split. Most forces "
     "of a load are zero, and its displacement grows with the others: the size of a field is "
-    "what the network has to tell. Statistics of one sample take that size away; those of a "
-    "batch make it depend on the other loads of the batch."
+    "what the network has to tell. Statistics of a batch make a prediction depend on the other "
+    "loads of the batch; those of one sample (groups, layer) do not."
 )

@@ -141,7 +141,7 @@ def test_list_names_all_experiments(capsys: pytest.CaptureFixture[str]) -> None:
         "beyond": 8,
         "organs": 3,
         "benchmark": len(PROGRAMS),
-        "gpu": 13,
+        "gpu": 19,
     }
     assert ["benchmark", "two-nodes"] in [line[:2] for line in lines]
     assert all(line[2] for line in lines)
