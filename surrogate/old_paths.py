@@ -1,7 +1,7 @@
 """Old import paths, for one release: `surrogate.touch.grip` of `surrogate.mechanics.touch.grip`.
 
 Both names are of one module, so that classes are the same. An import by the old one issues a
-`DeprecationWarning`.
+`DeprecationWarning`, and adds the names that the room had and has no more.
 """
 
 from __future__ import annotations
@@ -42,9 +42,62 @@ PLACES = (  # old and new package, and the rooms and modules that have moved
     ),
 )
 MOVED = {
+    "surrogate.baselines": "surrogate.contrib",
+    "surrogate.baselines.linear_map": "surrogate.learning.networks.linear_map",
     "surrogate.inference.given_load": "surrogate.mechanics.statics.load",
+    "surrogate.runs.config_list": "surrogate.learning.runs.shipped_tables",
+    "surrogate.runs.trained_list": "surrogate.learning.runs.shipped_tables",
     **{f"{old}.{name}": f"{new}.{name}" for old, new, names in PLACES for name in names.split()},
 }
+
+NAMES = (  # rooms, where names that they had are now, and these
+    ("baselines", "contrib.pod", "GaussianProcessConfig PODNetwork RidgeConfig"),
+    ("baselines", "learning.networks.linear_map", "LinearMap"),
+    ("data", "learning.data.joined_dataset", "read_dataset"),
+    ("data", "learning.data.load_families", "random_loads"),
+    ("data", "learning.data.samples_on_disk", "SamplesOnDisk"),
+    ("evaluation", "learning.evaluation.learning_curves", "LearningCurve learning_curve"),
+    ("evaluation", "learning.evaluation.published", "Published read_published"),
+    ("evaluation", "learning.evaluation.run_comparison", "Comparison compare"),
+    ("evaluation", "learning.evaluation.run_evaluation", "Evaluation evaluate"),
+    ("evaluation", "learning.evaluation.run_report", "write_report"),
+    ("inference", "contrib.modal_fit", "fit_balance"),
+    ("inference", "learning.inference.calibrated_bounds", "HeldOut fit_on_samples"),
+    ("inference", "learning.inference.loading", "load"),
+    ("inference", "learning.inference.training_range", "OutsideTrainingWarning"),
+    ("measures", "learning.measures.stress_errors", "StressMeasures measure_stresses"),
+    ("models", "contrib.pod_model", "PODModel"),
+    ("models", "learning.models.kinds", "RunConfig"),
+    ("models", "learning.models.linear_model", "LinearModel"),
+    ("models", "learning.models.model", "Gaussian"),
+    ("models", "learning.models.network_model", "NetworkModel"),
+    ("models", "learning.models.series_model", "SeriesModel"),
+    ("networks", "learning.networks.nodal_network", "NodalNetwork"),
+    (
+        "networks",
+        "learning.networks.reduced_network",
+        "DenseNetwork ReducedConfig ReducedNetwork",
+    ),
+    ("optim", "learning.optim.early_stopping", "EarlyStopping"),
+    ("optim", "learning.optim.muon", "Muon"),
+    (
+        "optim",
+        "learning.optim.optimisation_keys",
+        "EarlyStoppingConfig OptimiserConfig ScheduleConfig",
+    ),
+    ("optim", "learning.optim.optimisers", "make_optimisers set_learning_rate"),
+    ("optim", "learning.optim.weight_average", "WeightAverage"),
+    ("planning", "learning.planning.first_configuration", "FirstConfig first_config"),
+    ("planning", "learning.planning.trial_steps", "DryRun dry_run"),
+    ("probabilistic", "learning.probabilistic.ensemble", "Ensemble"),
+    ("probabilistic", "learning.probabilistic.flipout", "VariationalConvolutions"),
+    ("probabilistic", "learning.probabilistic.likelihoods", "Prediction"),
+    ("probabilistic", "learning.probabilistic.moments", "Moments"),
+    ("probabilistic", "learning.probabilistic.stochastic_passes", "Passes"),
+    ("runs", "learning.runs.config_reader", "read_config"),
+    ("training", "contrib.refinement", "refine"),
+    ("training", "learning.training.loop", "train"),
+)
 
 
 def new_path(name: str) -> str | None:
@@ -76,9 +129,31 @@ class OldPaths(MetaPathFinder, Loader):
         """Return the module of the new name."""
         module = import_module(str(spec.origin))
         spec.loader_state = module.__spec__
+        _add_names(module, spec.name.removeprefix("surrogate."))
         return module
 
     def exec_module(self, module: ModuleType) -> None:
         """Leave it as it is: it has run, under its new name."""
         if module.__spec__ is not None:
             module.__spec__ = module.__spec__.loader_state
+
+
+def _add_names(module: ModuleType, room: str) -> None:
+    """Let a room find the names that it had, at their first use."""
+    places = {
+        name: f"surrogate.{place}"
+        for of, place, names in NAMES
+        if of == room
+        for name in names.split()
+    }
+    find = getattr(module, "__getattr__", None)
+
+    def find_name(name: str) -> object:
+        if name in places:
+            return getattr(import_module(places[name]), name)
+        if find is not None:
+            return find(name)
+        raise AttributeError(f"module '{module.__name__}' has no attribute '{name}'")
+
+    if places:
+        vars(module)["__getattr__"] = find_name

@@ -8,7 +8,7 @@ from importlib.util import find_spec
 
 import pytest
 
-from surrogate.old_paths import MOVED, new_path
+from surrogate.old_paths import MOVED, NAMES, new_path
 
 
 def test_every_new_place_is_there() -> None:
@@ -38,3 +38,13 @@ def test_other_names_are_as_they_were() -> None:
     assert new_path("surrogate.database") is None
     with pytest.raises(ModuleNotFoundError, match="No module"):
         import_module("surrogate.fly")
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+@pytest.mark.parametrize(("room", "place", "names"), NAMES)
+def test_rooms_have_the_names_that_they_had(room: str, place: str, names: str) -> None:
+    old, new = import_module(f"surrogate.{room}"), import_module(f"surrogate.{place}")
+    for name in names.split():
+        assert getattr(old, name) is getattr(new, name)
+    with pytest.raises(AttributeError, match="has no attribute 'fly'"):
+        old.fly  # noqa: B018
