@@ -64,8 +64,9 @@ class CompiledSolid:
         volumes = solid.volumes.numpy()
         self.cells = Cells.of(solid.cells.numpy(), gradients, volumes, 1.0, numbers)
         self._fibres = self.cells.of_cells(fibre_components(solid))
+        laws = solid.recorded_laws
         self._programs = {
-            name: Programs.of(solid.recorded_laws, 2 * solid.projects, [name])
+            name: Programs.of(laws, 2 * solid.projects, [name])
             for name in ("volume", "slope", "stress", "derivatives")
             if solid.projects or name != "slope"
         }

@@ -25,7 +25,6 @@ from surrogate.mechanics.series.load_threads import in_threads
 from surrogate.mechanics.solids.solid import Solid
 
 SMALL = 1e-5  # gradients whose sum of terms, all weights 1, is right to rounding
-EPS = float(np.finfo(np.float64).eps)
 SOLVED = 16  # loads that are solved for together: 10 MB each on 4000 nodes in space
 
 

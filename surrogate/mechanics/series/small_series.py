@@ -18,13 +18,14 @@ from surrogate.mechanics.compiled.fields import (
     compiled,
     longest,
 )
-from surrogate.mechanics.series.compiled_series import EPS, SeriesBody, weights_of
+from surrogate.mechanics.series.compiled_series import SeriesBody, weights_of
 from surrogate.mechanics.series.compiled_terms import Terms, add_term, room_for_terms
 from surrogate.mechanics.series.load_threads import in_threads
 from surrogate.mechanics.solids.solid import Solid
 
 MOST = 2**22  # products of degrees of freedom and values of a field: 32 MB
 OF_A_THREAD = 8  # loads, at least
+EPS = float(np.finfo(np.float64).eps)
 Doubles = NDArray[np.float64]
 
 
