@@ -11,7 +11,6 @@ from pydantic import Field, SerializeAsAny, ValidationInfo, field_validator
 from datagen.cases.dataset_settings import DatasetSettings
 from datagen.cases.support import Support
 from datagen.discretisation.element import Element
-from datagen.loads import LoadFamily, load_family
 from datagen.materials import material_of
 from datagen.mesh.geometries import Geometry
 from datagen.mesh.mesh_file import MeshFile
@@ -22,6 +21,7 @@ from shared_schema.common.configuration import Frozen, read_named, validate
 from shared_schema.common.errors import InputError
 from shared_schema.common.keys.units import SI, Units
 from shared_schema.load_cases import read_load_cases
+from shared_schema.loads import LoadFamily, load_family
 from shared_schema.manifest import digest_of
 from shared_schema.materials import Material, Volumetric
 

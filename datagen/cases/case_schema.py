@@ -6,10 +6,10 @@ import importlib
 from typing import Any
 
 from datagen.cases.case import Case
-from datagen.loads.family import SHIPPED, LoadFamily
 from datagen.materials import OwnMaterial
 from shared_schema.common.keys.json_schema import DIALECT, Schema, json_schemas
 from shared_schema.common.keys.key_list import Key, keys_of
+from shared_schema.loads.family import SHIPPED, LoadFamily
 from shared_schema.materials import SHIPPED as SHIPPED_MATERIALS
 
 TITLE = "Case of datagen"

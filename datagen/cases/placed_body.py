@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal
@@ -14,16 +13,15 @@ from datagen.cases.case import Case
 from datagen.cases.rigid_motions import motion_problem
 from datagen.discretisation.element import element_kind
 from datagen.discretisation.locking import locking_warning
-from datagen.loads import LoadableNodes, LoadFamily, LoadsTogether
 from datagen.materials.fibre_directions import fibres_of_cells
-from datagen.mesh.group_names import groups_of_sides
-from datagen.mesh.raw_mesh import RawMesh
-from datagen.mesh.regions import Region
 from datagen.mesh.split_nodes import split_warning
 from shared_schema.common.bodies.cells import boundary_facets
-from shared_schema.common.bodies.groups import GroupParts, group_arrays
+from shared_schema.common.bodies.groups import group_arrays
 from shared_schema.common.bodies.quadratic.points_between import PointsBetween
+from shared_schema.common.bodies.raw_mesh import RawMesh
 from shared_schema.common.errors import InputError
+from shared_schema.loads import LoadsTogether
+from shared_schema.loads.placed_loads import nodes_of, placed_loads
 from shared_schema.materials import ratio_at_rest
 
 
@@ -114,33 +112,19 @@ def placed(case: Case, mesh: RawMesh) -> PlacedBody:
         If a region holds no node, a loadable node is clamped, a load family does not fit the mesh,
         a cell has no material, or a part of the mesh is not supported.
     """
+    dimension = mesh.coordinates.shape[1]
+    held = np.zeros(mesh.coordinates.shape, dtype=bool)
     try:
         parts = _material_of_cells(case, mesh)
         fibres = fibres_of_cells(case.material, parts, mesh)
-    except InputError as error:
-        raise InputError(f"case '{case.name}': {error}") from None
-    dimension = mesh.coordinates.shape[1]
-    held = np.zeros(mesh.coordinates.shape, dtype=bool)
-    for number, support in enumerate(case.supports):
-        components = support.holds(dimension)
-        if not components.any():
-            raise InputError(
-                f"case '{case.name}': key 'supports.{number}.components': the body is in the plane"
-            )
-        chosen = _select(case, f"supports.{number}", support, mesh, of_sides=True)
-        held[chosen] |= components
-    several = isinstance(case.load, tuple)
-    points = points_of(case, mesh)
-    nodes = [
-        _loadable(
-            case, f"load.{number}.region" if several else "load.region", family, mesh, held, points
-        )
-        for number, family in enumerate(case.loads)
-    ]
-    _require_supported(case, mesh, held)
-    try:
-        loads = LoadsTogether.of(case.loads, case.dataset.seed, nodes, held)
-        loads.check()
+        for number, support in enumerate(case.supports):
+            components, key = support.holds(dimension), f"supports.{number}"
+            if not components.any():
+                raise InputError(f"key '{key}.components': the body is in the plane")
+            held[nodes_of(key, support, mesh, of_sides=True)] |= components
+        if problem := motion_problem(mesh, held):
+            raise InputError(f"key 'supports': {problem}")
+        loads = placed_loads(case.load, case.dataset.seed, mesh, held, points_of(case, mesh))
     except InputError as error:
         raise InputError(f"case '{case.name}': {error}") from None
     return PlacedBody(case, mesh, held, parts, fibres, loads)
@@ -173,74 +157,3 @@ def _material_of_cells(case: Case, mesh: RawMesh) -> NDArray[np.int64] | None:
         at = ",".join(f"{x:g}" for x in mesh.coordinates[mesh.cells[parts.argmin()]].mean(axis=0))
         raise InputError(f"key 'material': {(parts < 0).sum()} cells have none, the first at {at}")
     return parts
-
-
-def _loadable(
-    case: Case,
-    key: str,
-    family: LoadFamily,
-    mesh: RawMesh,
-    held: NDArray[np.bool_],
-    points: PointsBetween | None,
-) -> LoadableNodes:
-    """Nodes of a family; InputError if some of a given region are clamped, for loads at nodes."""
-    region = _select(case, key, family.region, mesh, family.of_sides)
-    clamped = held.all(axis=1)
-    may_touch = family.integrates or family.is_everywhere
-    if (region & clamped).any() and not (may_touch and (region & ~clamped).any()):
-        at = ",".join(f"{value:g}" for value in mesh.coordinates[region & clamped][0])
-        raise InputError(
-            f"case '{case.name}': key '{key}' holds the clamped node at {at}, "
-            "expected free nodes only"
-        )
-    return LoadableNodes(
-        np.flatnonzero(region & ~clamped),
-        mesh.coordinates,
-        mesh.cells,
-        mesh.cell_type,
-        np.flatnonzero(region),
-        np.flatnonzero(clamped),
-        points,
-        _parts_of(mesh, family.region.group, family.of_sides),
-    )
-
-
-def _parts_of(mesh: RawMesh, group: str | None, of_sides: bool) -> GroupParts | None:
-    """Facets and cells of a group that a region names; None where its nodes tell them."""
-    if group is None:
-        return None
-    members = _groups(mesh, of_sides)[group]
-    return next((mesh.parts.get(name) for name, m in mesh.groups.items() if m is members), None)
-
-
-def _groups(mesh: RawMesh, of_sides: bool) -> Mapping[str, NDArray[np.int64]]:
-    dimension = mesh.coordinates.shape[1]
-    return groups_of_sides(mesh.groups, dimension) if of_sides else mesh.groups
-
-
-def _require_supported(case: Case, mesh: RawMesh, held: NDArray[np.bool_]) -> None:
-    """Raise InputError if a part of the mesh can move without a strain."""
-    problem = motion_problem(mesh, held)
-    if problem is not None:
-        raise InputError(f"case '{case.name}': key 'supports': {problem}")
-
-
-def _select(
-    case: Case, key: str, region: Region, mesh: RawMesh, of_sides: bool
-) -> NDArray[np.bool_]:
-    """Nodes of a region, (n_nodes,); InputError that names the key of the region if it has none.
-
-    A group may be one of sides only, where it is a support or a load on the surface.
-    """
-    try:
-        needed = region.boundary or (region.nodes is not None and mesh.origins is not None)
-        facets = boundary_facets(mesh.cells, mesh.cell_type) if needed else None
-        groups, origins = _groups(mesh, of_sides), mesh.origins
-        nodes = region.select(
-            mesh.coordinates, groups, facets, mesh.places, origins, mesh.counted_from
-        )
-    except ValueError as error:
-        raise InputError(f"case '{case.name}': key '{key}': {error}") from None
-    if not nodes.any():
-        raise InputError(f"case '{case.name}': key '{key}': no node of the mesh lies there")
-    return nodes

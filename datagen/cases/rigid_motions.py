@@ -13,8 +13,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from datagen.mesh.raw_mesh import RawMesh
 from shared_schema.common.bodies.cells import components, parts_of
+from shared_schema.common.bodies.raw_mesh import RawMesh
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

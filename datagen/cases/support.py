@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
-from datagen.mesh.regions import AXES, Region
 from shared_schema.common.configuration import absent
+from shared_schema.loads.regions import AXES, Region
 
 Axis = Literal["x", "y", "z"]
 

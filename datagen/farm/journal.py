@@ -21,7 +21,6 @@ from typing import Any
 from datagen.cases.case import Case
 from datagen.discretisation.element import element_kind
 from datagen.farm.work_plan import shard_name
-from datagen.loads import act_between
 from shared_schema.common.atomic_file import remove_partial_files, require_writable, write_text
 from shared_schema.common.bodies.reference_cells import CORNERS
 from shared_schema.common.checksum import sha256
@@ -30,6 +29,7 @@ from shared_schema.common.differences import difference_text, differences
 from shared_schema.common.errors import InputError
 from shared_schema.common.folder_lock import LOCK, FolderLock
 from shared_schema.layout import Arrays
+from shared_schema.loads import act_between
 from shared_schema.manifest import (
     MANIFEST,
     Manifest,

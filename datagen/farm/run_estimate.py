@@ -19,10 +19,10 @@ from datagen.cases.body import make_body
 from datagen.cases.case import CaseSource, read_case
 from datagen.farm.shard_job import ShardJob
 from datagen.farm.work_plan import shard_count
-from datagen.mesh.raw_mesh import RawMesh
 from datagen.output.undeformed_stiffness import stiffness_of
 from datagen.ranks import RankGroup
 from shared_schema.common.arguments.checked_arguments import checked_arguments
+from shared_schema.common.bodies.raw_mesh import RawMesh
 from shared_schema.materials import Volumetric
 
 logger = logging.getLogger(__name__)

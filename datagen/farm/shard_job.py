@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from datagen.cases.body import Body
 from datagen.cases.case import Case
-from datagen.loads import Load, Recorded
 from datagen.ranks import on_rank_zero
 from datagen.solver.contact.tool_contact import INSIDE, touched
 from datagen.solver.load_stepping import solve_load_case
@@ -20,6 +19,7 @@ from datagen.stability import with_stability
 from shared_schema.common.bodies.displacement_size import size_warning
 from shared_schema.common.errors import InputError
 from shared_schema.layout import NO_NODE, Arrays
+from shared_schema.loads import Load, Recorded
 from shared_schema.tools import Contact, Sphere
 
 COUNTS = ("converged_reason", "load_steps", "cutbacks", "newton_iterations")

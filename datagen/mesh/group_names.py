@@ -7,8 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from shared_schema.common.bodies.groups import KINDS
+
 Ints = NDArray[np.int64]
-KINDS = ("point", "curve", "surface", "volume")  # of groups, by their dimension
 Group = tuple[int, str]  # dimension and name
 Blocks = Sequence[tuple[str, Ints]]  # cells of one type each: meshio's name, (n_cells, n_corners)
 CellSets = Mapping[str, Sequence[Ints | None]]  # cells of every group, for each block in turn
@@ -51,33 +52,3 @@ def by_name(groups: Mapping[Group, Ints]) -> dict[str, Ints]:
         else:
             found |= {f"{KINDS[each]} {name}": groups[each, name] for each in dimensions}
     return found
-
-
-def groups_of_sides(groups: Mapping[str, Ints], dimension: int) -> dict[str, Ints]:
-    """Groups as supports and loads on the surface mean them.
-
-    A name that the cells of the body share with one group of lower dimension is that of the latter.
-
-    Parameters
-    ----------
-    groups : mapping of str to array of int
-        Of `by_name`.
-    dimension : int
-        That of the body.
-    """
-    found = dict(groups)
-    for name in groups:
-        bare = name.removeprefix(f"{KINDS[dimension]} ")
-        lower = [each for kind in KINDS[:dimension] if (each := f"{kind} {bare}") in groups]
-        if bare != name and bare not in groups and len(lower) == 1:
-            found[bare] = groups[lower[0]]
-    return found
-
-
-def missing_group(name: str, groups: Mapping[str, Ints]) -> str:
-    """Say why a mesh has no group of a name."""
-    several = [each for kind in KINDS if (each := f"{kind} {name}") in groups]
-    if several:
-        return f"group '{name}': the mesh has several, expected one of {', '.join(several)}"
-    named = f"no such group, but {', '.join(sorted(groups))}" if groups else "no groups"
-    return f"group '{name}': the mesh has {named}"

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from datagen.mesh.group_names import KINDS, Blocks, CellSets, dimension_of
+from datagen.mesh.group_names import Blocks, CellSets, dimension_of
 from shared_schema.common.bodies.cells import FACETS, boundary_facets
-from shared_schema.common.bodies.groups import GroupParts, cells_in, facets_in
+from shared_schema.common.bodies.groups import KINDS, GroupParts, cells_in, facets_in
 
 Ints = NDArray[np.int64]
 

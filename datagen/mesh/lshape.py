@@ -7,8 +7,8 @@ from typing import Any, Literal
 from pydantic import model_validator
 
 from datagen.mesh.transfinite import Elements, Transfinite
-from datagen.quantities import Size
 from shared_schema.common.configuration import Frozen
+from shared_schema.common.keys.quantities import Size
 
 
 class Arm(Frozen):

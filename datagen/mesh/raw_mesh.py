@@ -1,9 +1,9 @@
-"""Mesh as plain arrays, before it is distributed, and the checks that it is fit for use."""
+"""Meshes from points and blocks of cells, the checks that they are fit for use, and their files."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -15,58 +15,10 @@ from datagen.mesh.group_parts import parts_of_groups
 from shared_schema.common.bodies.cells import CELL_TYPES, NEIGHBOURS
 from shared_schema.common.bodies.conformity import cell_names, conformity_problem, node_problem
 from shared_schema.common.bodies.groups import GroupParts
+from shared_schema.common.bodies.raw_mesh import RawMesh
 
 DIMENSION = {"triangle": 2, "quad": 2, "tetra": 3, "hexahedron": 3}
 SMALLEST = 1e-9  # smallest |Jacobian| at a corner, over the product of the edge lengths there
-
-
-@dataclass(frozen=True)
-class RawMesh:
-    """Nodes and cells of one type, with named groups of nodes.
-
-    Attributes
-    ----------
-    coordinates : array, (n_nodes, d)
-        Node positions in m.
-    cells : array of int, (n_cells, n_corners)
-        Node numbers of every cell, in VTK order.
-    cell_type : str
-        meshio's name: triangle, quad, tetra or hexahedron.
-    groups : mapping of str to array of int
-        Node numbers of every named group (`datagen.mesh.group_names.by_name`).
-    cell_groups : mapping of str to array of int
-        Cell numbers of every named group of cells.
-    places : array of int, (n_nodes,), optional
-        Number of every node in the file that the mesh is from, counted from 0, ascending; of a
-        refined mesh those of the nodes that it had before, which come first.
-    counted_from : tuple of int
-        Numbers that the first node of the file can have: 0 and 1 if the file has its nodes in turn,
-        one of them if it numbers them otherwise, none if its numbers are not known.
-    origins : array of int, (n_nodes, n_corners), optional
-        Of a refined mesh: the nodes that it had before of the edge, face or cell that each node
-        lies in; repeated ones fill a row (`datagen.mesh.refinement`).
-    parts : mapping of str to GroupParts
-        Facets and cells of the groups whose nodes do not tell them (`datagen.mesh.group_parts`).
-    """
-
-    coordinates: NDArray[np.float64]
-    cells: NDArray[np.int64]
-    cell_type: str
-    groups: Mapping[str, NDArray[np.int64]] = field(default_factory=dict)
-    cell_groups: Mapping[str, NDArray[np.int64]] = field(default_factory=dict)
-    places: NDArray[np.int64] | None = None
-    counted_from: tuple[int, ...] = (0, 1)
-    origins: NDArray[np.int64] | None = None
-    parts: Mapping[str, GroupParts] = field(default_factory=dict)
-
-    @property
-    def node_sets(self) -> dict[str, NDArray[np.bool_]]:
-        """Nodes of every named group, (n_nodes,) each."""
-        sets = {}
-        for name, members in self.groups.items():
-            sets[name] = np.zeros(len(self.coordinates), dtype=bool)
-            sets[name][members] = True
-        return sets
 
 
 def write_raw_mesh(path: Path, mesh: RawMesh) -> None:

@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from datagen.mesh.group_parts import facets_of_cells
-from datagen.mesh.raw_mesh import RawMesh
 from shared_schema.common.bodies.cells import boundary_facets
 from shared_schema.common.bodies.groups import GroupParts
+from shared_schema.common.bodies.raw_mesh import RawMesh
 from shared_schema.common.bodies.reference_cells import CORNERS
+from shared_schema.loads.regions import members_of
 
 Numbers = NDArray[np.int64]
 Corners = list[tuple[int, ...]]
@@ -78,29 +79,6 @@ def refined(mesh: RawMesh) -> RawMesh:
         origins=origins,
         parts=refined_parts,
     )
-
-
-def members_of(
-    members: NDArray[np.bool_], origins: Numbers, on_surface: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
-    """Nodes of a refined mesh that belong to a set of coarse nodes.
-
-    These are the coarse nodes themselves, and the new nodes of the edges, faces and cells all of
-    whose corners belong; if all these are on the surface, then so is the new node.
-
-    Parameters
-    ----------
-    members : array of bool, (n_coarse,)
-    origins : array of int, (n_nodes, n_corners)
-        Coarse nodes of the edge, face or cell that each node lies in; repeated ones fill a row.
-    on_surface : array of bool, (n_nodes,)
-
-    Returns
-    -------
-    array of bool, (n_nodes,)
-    """
-    beside = on_surface[: len(members)][origins].all(axis=1)
-    return np.asarray(members[origins].all(axis=1) & (on_surface | ~beside))
 
 
 def _within(facets: Numbers, fine: Numbers, origins: Numbers) -> Numbers:

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from datagen.mesh.gmsh_model import gmsh_session, mesh_of
-from datagen.mesh.raw_mesh import RawMesh
+from shared_schema.common.bodies.raw_mesh import RawMesh
 from shared_schema.common.configuration import Frozen
 from shared_schema.common.memory import require_memory
 

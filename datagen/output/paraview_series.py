@@ -100,10 +100,10 @@ def _with_stresses(dataset: NodalSamples, folder: Path) -> Callable[[Sample], Fi
 
     from datagen.discretisation.element import element_kind
     from datagen.mesh.distributed_mesh import distributed
-    from datagen.mesh.raw_mesh import RawMesh
     from datagen.output.cell_stresses import CellStresses, reactions_of_supports
     from datagen.solver.equilibrium import EquilibriumProblem
     from datagen.solver.settings import SolverSettings
+    from shared_schema.common.bodies.raw_mesh import RawMesh
 
     element = dataset.manifest.case.get("element", "linear")
     if not element_kind(element, dataset.cell_type).corners_only:

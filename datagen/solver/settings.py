@@ -6,8 +6,8 @@ from typing import Any, Literal
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
-from datagen.quantities import Seed
 from shared_schema.common.configuration import Frozen
+from shared_schema.common.keys.quantities import Seed
 
 LinearSolver = Literal["auto", "lu", "multigrid", "corotated"]
 Stability = Literal["follow", "fail", "allow"]

@@ -8,8 +8,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from datagen.mesh.raw_mesh import RawMesh
 from datagen.transforms.embedding import embed
+from shared_schema.common.bodies.raw_mesh import RawMesh
 from shared_schema.common.errors import InputError
 from shared_schema.common.memory import require_memory
 from shared_schema.dataset_reader import DatasetReader

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from datagen.cases.dataset_settings import DatasetSettings
 from datagen.discretisation.element import Element, element_kind
 from datagen.output.undeformed_stiffness import stiffness_of
-from datagen.quantities import LARGEST_SEED
 from datagen.transforms.claim_folder import claim_folder, locked, remove_other_shards
 from datagen.transforms.grid_choice import (
     embedded,
@@ -27,6 +26,7 @@ from shared_schema.checker import require_intact
 from shared_schema.common.arguments.checked_arguments import checked_arguments
 from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError
+from shared_schema.common.keys.quantities import LARGEST_SEED
 from shared_schema.common.keys.units import Units
 from shared_schema.common.nodal_forces import scatter_forces
 from shared_schema.common.progress import Progress

@@ -23,12 +23,12 @@ from petsc4py import PETSc
 
 from datagen import Case, read_case
 from datagen.cases import Body, make_body
-from datagen.loads import LoadCase
 from datagen.solver import solve_load_case
 from experiments.benchmarks.benchmark import Results
 from experiments.benchmarks.tutorial import LoggedTutorialProblem, TutorialProblem, tutorial_solver
 from experiments.framework.report import markdown_table, table_of
 from shared_schema.common import Parser
+from shared_schema.loads import LoadCase
 
 STRIDE = 7919  # between sample numbers; a prime, so that the loads are all over the body
 # PETSc's events, chosen so that no two overlap: dolfinx's solver factorises a new tangent within

@@ -14,9 +14,9 @@ from petsc4py import PETSc
 from datagen import Case
 from datagen.cases import Body
 from datagen.dolfinx_versions import NewtonSolverNonlinearProblem, functionspace
-from datagen.loads import LoadCase
 from datagen.solver import deformation_gradient, energy_density
 from shared_schema import NeoHookean
+from shared_schema.loads import LoadCase
 
 
 class TutorialProblem(NewtonSolverNonlinearProblem):

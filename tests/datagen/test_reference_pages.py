@@ -6,7 +6,7 @@ import shlex
 
 from datagen.cases.case import Case
 from datagen.command_line import _parser
-from datagen.loads.family import SHIPPED
+from shared_schema.loads.family import SHIPPED
 from website.reference import commands_of, pages_of
 
 

@@ -77,7 +77,7 @@ import sys
 import numpy as np
 from mpi4py import MPI
 from datagen.mesh.distributed_mesh import distributed
-from datagen.mesh.raw_mesh import RawMesh
+from shared_schema.common.bodies.raw_mesh import RawMesh
 from datagen.output.cell_stresses import CellStresses
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import solve_load_case

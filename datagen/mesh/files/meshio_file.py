@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from datagen.mesh.group_names import Group
-from datagen.mesh.raw_mesh import RawMesh, raw_mesh
+from datagen.mesh.raw_mesh import raw_mesh
+from shared_schema.common.bodies.raw_mesh import RawMesh
 from shared_schema.tools.meshio_reader import read_by_meshio
 
 NASTRAN = (".bdf", ".fem", ".nas")

@@ -18,7 +18,9 @@ from shared_schema.common.arguments.read_only import hold_read_only
 from shared_schema.common.bodies.cells import boundary_facets
 
 Arrays = dict[str, NDArray[Any]]
+Ints = NDArray[np.int64]
 Nodes = Mapping[str, NDArray[np.bool_]]
+KINDS = ("point", "curve", "surface", "volume")  # of groups, by their dimension
 
 
 @dataclass(frozen=True)
@@ -124,3 +126,33 @@ def group_arrays(
 def ordered_surface(cells: NDArray[np.int64], cell_type: str) -> NDArray[np.int64]:
     """Facets of the surface by their nodes, ascending, in lexicographic order."""
     return np.unique(np.sort(boundary_facets(cells, cell_type), axis=1), axis=0)
+
+
+def groups_of_sides(groups: Mapping[str, Ints], dimension: int) -> dict[str, Ints]:
+    """Groups as supports and loads on the surface mean them.
+
+    A name that the cells of the body share with one group of lower dimension is that of the latter.
+
+    Parameters
+    ----------
+    groups : mapping of str to array of int
+        Of `RawMesh`.
+    dimension : int
+        That of the body.
+    """
+    found = dict(groups)
+    for name in groups:
+        bare = name.removeprefix(f"{KINDS[dimension]} ")
+        lower = [each for kind in KINDS[:dimension] if (each := f"{kind} {bare}") in groups]
+        if bare != name and bare not in groups and len(lower) == 1:
+            found[bare] = groups[lower[0]]
+    return found
+
+
+def missing_group(name: str, groups: Mapping[str, Ints]) -> str:
+    """Say why a mesh has no group of a name."""
+    several = [each for kind in KINDS if (each := f"{kind} {name}") in groups]
+    if several:
+        return f"group '{name}': the mesh has several, expected one of {', '.join(several)}"
+    named = f"no such group, but {', '.join(sorted(groups))}" if groups else "no groups"
+    return f"group '{name}': the mesh has {named}"

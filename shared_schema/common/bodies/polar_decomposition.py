@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.common.bodies.array_library import library_of
+from shared_schema.common.arguments.array_library import library_of
 
 STEPS = {2: 1, 3: 3}  # of Newton's method; in the plane one step is exact
 

@@ -1,7 +1,7 @@
 """Random loads of a case's own families: uniform body forces, and patches of traction.
 
-They are those of `datagen` (`datagen.loads`), drawn by another generator. Cases with other families
-have random forces on random nodes, as many and as large as those of the training.
+They are those of `datagen`, drawn by another generator. Cases with other families have random
+forces on random nodes, as many and as large as those of the training.
 """
 
 from __future__ import annotations

@@ -19,11 +19,11 @@ from datagen.cases.case import SHIPPED, Case, read_case
 from datagen.farm.farm import NothingSolvedError, run
 from datagen.farm.journal import Journal
 from datagen.farm.work_plan import shard_count, shard_samples
-from datagen.loads.family import LoadCase
-from datagen.loads.random_node import RandomNode
-from datagen.mesh.regions import Region
 from shared_schema.checker import check_dataset
 from shared_schema.common.errors import InputError
+from shared_schema.loads.family import LoadCase
+from shared_schema.loads.random_node import RandomNode
+from shared_schema.loads.regions import Region
 from shared_schema.manifest import read_manifest, write_manifest
 from shared_schema.shard import read_shard
 from shared_schema.stiffness import STIFFNESS_FILE

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from datagen.loads import LoadableNodes, LoadFamily, load_family
 from datagen.mesh.box import Box
 from datagen.mesh.distributed_mesh import make_mesh
-from datagen.mesh.regions import Region
+from shared_schema.loads import LoadableNodes, LoadFamily, load_family
+from shared_schema.loads.regions import Region
 
 
 def place(region: dict[str, Any], elements: tuple[int, ...] = (4, 2)) -> LoadableNodes:

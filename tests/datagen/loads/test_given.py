@@ -11,11 +11,11 @@ from mpi4py import MPI
 from datagen.cases.body import Body, make_body
 from datagen.cases.case import Case, read_case
 from datagen.farm.farm import run
-from datagen.loads.given import GivenLoads
 from datagen.solver.load_stepping import solve_load_case
 from shared_schema.checker import check_dataset
 from shared_schema.common.errors import InputError
 from shared_schema.load_cases import LoadCases, write_load_cases
+from shared_schema.loads.given import GivenLoads
 from shared_schema.shard import read_shard
 
 

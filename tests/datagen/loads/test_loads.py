@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from datagen.loads import LoadableNodes, load_family
+from shared_schema.loads import LoadableNodes, load_family
 
 PLACE = LoadableNodes(
     nodes=np.array([4, 7, 9, 12]),
@@ -59,7 +59,7 @@ def test_force_components_are_uniform() -> None:
     [
         ({"family": "wind"}, "load family 'wind'"),
         ({"family": "missing.py:Wind"}, "own classes are read with a case file only"),
-        ({"family": "datagen.mesh.regions:Region"}, "expected one of random_node"),
+        ({"family": "shared_schema.loads.regions:Region"}, "expected one of random_node"),
         ({"family_sha256": "0" * 64}, "load family 'random_node' is no file"),
         ({"family": 3}, "expected 'family'"),
         ({"range": [2.5, -2.5]}, "low < high"),

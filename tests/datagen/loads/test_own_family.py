@@ -13,10 +13,10 @@ from mpi4py import MPI
 from datagen.cases.case import SHIPPED, read_case
 from datagen.command_line import main
 from datagen.farm.farm import run
-from datagen.loads import DrawnLoads
 from datagen.transforms.reindexing import structure
 from shared_schema.checker import check_dataset
 from shared_schema.common.errors import InputError
+from shared_schema.loads import DrawnLoads
 from shared_schema.manifest import read_manifest
 from shared_schema.shard import read_shard
 from tests.datagen.farm_runs import execute

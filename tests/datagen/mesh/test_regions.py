@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from datagen.mesh.regions import Region
 from shared_schema.common.bodies.cells import boundary_facets
+from shared_schema.loads.regions import Region
 
 GRID = np.stack(np.meshgrid([0.0, 1.0, 2.0], [0.0, 1.0], indexing="ij"), axis=-1).reshape(-1, 2)
 

@@ -14,12 +14,12 @@ from datagen.cases.body import Body
 from datagen.cases.case import read_case
 from datagen.farm.farm import run
 from datagen.mesh.box import Box
-from datagen.mesh.raw_mesh import RawMesh
 from datagen.output.undeformed_stiffness import stiffness_of
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.settings import SolverSettings
 from datagen.transforms.reindexing import structure
 from shared_schema.checker import check_dataset
+from shared_schema.common.bodies.raw_mesh import RawMesh
 from shared_schema.common.checksum import sha256
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.manifest import read_manifest

@@ -27,10 +27,10 @@ from mpi4py import MPI
 from datagen.discretisation.element import Element
 from datagen.dolfinx_versions import COMPILER_OPTIONS, form
 from datagen.mesh.distributed_mesh import distributed
-from datagen.mesh.raw_mesh import RawMesh
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.forms.strain_energy import deformation_gradient, energy_density
 from datagen.solver.settings import SolverSettings
+from shared_schema.common.bodies.raw_mesh import RawMesh
 from shared_schema.materials import (
     Gent,
     MooneyRivlin,

@@ -16,12 +16,12 @@ from scipy.optimize import brentq, fsolve
 
 from datagen.discretisation.element import Element
 from datagen.mesh.distributed_mesh import distributed
-from datagen.mesh.raw_mesh import RawMesh
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings
 from shared_schema.common.bodies.command_loads import CommandLoads, LoadedBody, command_loads
 from shared_schema.common.bodies.quadratic.points_between import PointsBetween
+from shared_schema.common.bodies.raw_mesh import RawMesh
 from shared_schema.materials import NeoHookean
 from tests.datagen.solver.cantilever import box
 from tests.datagen.solver.manufactured import bent_box

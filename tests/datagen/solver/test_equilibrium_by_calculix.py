@@ -13,10 +13,10 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 
 from datagen.mesh.distributed_mesh import distributed
-from datagen.mesh.raw_mesh import RawMesh
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings
+from shared_schema.common.bodies.raw_mesh import RawMesh
 from shared_schema.materials import MooneyRivlin
 from tests.datagen.solver.cantilever import box
 

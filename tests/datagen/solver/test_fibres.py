@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from datagen.discretisation.element import Element
 from datagen.mesh.box import Box
 from datagen.mesh.distributed_mesh import Mesh, distributed
-from datagen.mesh.raw_mesh import RawMesh
 from datagen.output.cell_stresses import CellStresses
 from datagen.output.undeformed_stiffness import stiffness_of
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings
+from shared_schema.common.bodies.raw_mesh import RawMesh
 from shared_schema.common.errors import InputError
 from shared_schema.materials import (
     Guccione,

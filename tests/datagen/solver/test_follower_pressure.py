@@ -9,7 +9,6 @@ from scipy.optimize import brentq
 
 from datagen.mesh.box import Box
 from datagen.mesh.distributed_mesh import distributed, make_mesh
-from datagen.mesh.raw_mesh import RawMesh
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings
@@ -19,6 +18,7 @@ from shared_schema.common.bodies.facet_quadrature import (
     facet_derivatives,
     pressure_forces,
 )
+from shared_schema.common.bodies.raw_mesh import RawMesh
 from shared_schema.materials import MooneyRivlin
 
 MATERIAL = MooneyRivlin(c10=60, c01=25, bulk_modulus=300)

@@ -7,12 +7,12 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 
 from datagen.discretisation.element import Element
-from datagen.loads import LoadableNodes
-from datagen.loads.traction import point_areas
 from datagen.mesh.distributed_mesh import distributed
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import SolveReport, solve_load_case
 from datagen.solver.settings import LinearSolver, SolverSettings
+from shared_schema.loads import LoadableNodes
+from shared_schema.loads.traction import point_areas
 from shared_schema.materials import NeoHookean
 from tests.datagen.solver.cantilever import box
 

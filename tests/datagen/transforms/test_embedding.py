@@ -15,12 +15,12 @@ from datagen.cases.case import SHIPPED, read_case
 from datagen.farm.farm import run
 from datagen.mesh.box import Box
 from datagen.mesh.mesh_file import MeshFile
-from datagen.mesh.raw_mesh import RawMesh
 from datagen.transforms.embedding import element_size, embed, multilinear
 from datagen.transforms.grid_choice import finer
 from datagen.transforms.reindexing import nodal_forces_of, structure
 from shared_schema.checker import check_dataset
 from shared_schema.common.bodies.cells import CELL_TYPES
+from shared_schema.common.bodies.raw_mesh import RawMesh
 from shared_schema.common.bodies.reference_cells import shape_gradients, shape_values
 from shared_schema.common.command_line import logged
 from shared_schema.common.errors import InputError

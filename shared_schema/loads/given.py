@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from pydantic import Field, model_validator
 
-from datagen.loads.family import LoadableNodes, LoadCase, LoadFamily
 from shared_schema.common.checksum import sha256
 from shared_schema.common.errors import InputError
 from shared_schema.load_cases import LoadCases, read_load_cases
+from shared_schema.loads.family import LoadableNodes, LoadCase, LoadFamily
 
 SAME_PLACE = 1e-6  # of the size of the body
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datagen.loads.family import ForceRange, LoadableNodes, LoadCase, LoadFamily, generator
+from shared_schema.loads.family import ForceRange, LoadableNodes, LoadCase, LoadFamily, generator
 
 
 class RandomNode(LoadFamily):

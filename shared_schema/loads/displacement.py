@@ -11,9 +11,9 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import AfterValidator, Field, field_validator
 
-from datagen.loads.family import LoadableNodes, LoadCase, LoadFamily, ascending, generator
-from datagen.mesh.regions import Region
-from datagen.quantities import Length
+from shared_schema.common.keys.quantities import Length
+from shared_schema.loads.family import LoadableNodes, LoadCase, LoadFamily, ascending, generator
+from shared_schema.loads.regions import Region
 
 Axis = Literal["x", "y", "z"]
 LengthRange = Annotated[tuple[Length, Length], AfterValidator(ascending)]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field
 
-from datagen.loads.family import LoadableNodes, LoadCase, LoadFamily
-from datagen.quantities import Magnitude
+from shared_schema.common.keys.quantities import Magnitude
+from shared_schema.loads.family import LoadableNodes, LoadCase, LoadFamily
 
 
 class EachNode(LoadFamily):

@@ -1,8 +1,8 @@
 """Load families, one a file: each draws load cases as a pure function of seed and sample number."""
 
-from datagen.loads.drawn_load import DrawnLoads
-from datagen.loads.family import LoadableNodes, LoadCase, LoadFamily, generator, load_family
-from datagen.loads.together import Load, LoadsTogether, Recorded, act_between
+from shared_schema.loads.drawn_load import DrawnLoads
+from shared_schema.loads.family import LoadableNodes, LoadCase, LoadFamily, generator, load_family
+from shared_schema.loads.together import Load, LoadsTogether, Recorded, act_between
 
 __all__ = [
     "DrawnLoads",

@@ -12,8 +12,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from datagen.loads.family import ForceRange, LoadableNodes, LoadCase, LoadFamily, generator
 from shared_schema.common.bodies.cell_volumes import nodal_volumes
+from shared_schema.loads.family import ForceRange, LoadableNodes, LoadCase, LoadFamily, generator
 
 
 class BodyForce(LoadFamily):

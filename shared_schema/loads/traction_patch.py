@@ -16,7 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
-from datagen.loads.family import (
+from shared_schema.common.bodies.cells import boundary_facets
+from shared_schema.common.bodies.groups import facets_in
+from shared_schema.common.bodies.surface_patches import SurfacePatches
+from shared_schema.common.keys.quantities import Size
+from shared_schema.loads.family import (
     CountRange,
     ForceRange,
     LoadableNodes,
@@ -25,11 +29,7 @@ from datagen.loads.family import (
     ascending,
     generator,
 )
-from datagen.mesh.regions import Region
-from datagen.quantities import Size
-from shared_schema.common.bodies.cells import boundary_facets
-from shared_schema.common.bodies.groups import facets_in
-from shared_schema.common.bodies.surface_patches import SurfacePatches
+from shared_schema.loads.regions import Region
 
 Array = NDArray[np.float64]
 

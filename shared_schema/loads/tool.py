@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
-from datagen.loads.displacement import LengthRange
-from datagen.loads.family import LoadableNodes, LoadCase, LoadFamily, ascending, generator
-from datagen.mesh.regions import Region
-from datagen.quantities import Size
 from shared_schema.common.bodies.facet_quadrature import area_vectors
+from shared_schema.common.keys.quantities import Size
+from shared_schema.loads.displacement import LengthRange
+from shared_schema.loads.family import LoadableNodes, LoadCase, LoadFamily, ascending, generator
+from shared_schema.loads.regions import Region
 from shared_schema.tools import Sphere
 
 Array = NDArray[np.float64]

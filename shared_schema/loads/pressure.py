@@ -10,8 +10,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from datagen.loads.family import ForceRange, LoadableNodes, LoadCase, LoadFamily, generator
-from datagen.mesh.regions import Region
+from shared_schema.loads.family import ForceRange, LoadableNodes, LoadCase, LoadFamily, generator
+from shared_schema.loads.regions import Region
 
 
 class Pressure(LoadFamily):

@@ -13,9 +13,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from datagen.loads.family import ForceRange, LoadableNodes, LoadCase, LoadFamily, generator
-from datagen.mesh.regions import Region
 from shared_schema.common.bodies.facet_quadrature import facet_shares
+from shared_schema.loads.family import ForceRange, LoadableNodes, LoadCase, LoadFamily, generator
+from shared_schema.loads.regions import Region
 
 
 class Traction(LoadFamily):

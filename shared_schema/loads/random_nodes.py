@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datagen.loads.family import (
+from shared_schema.loads.family import (
     CountRange,
     ForceRange,
     LoadableNodes,

@@ -21,27 +21,27 @@ from pydantic import (
     ValidationError,
 )
 
-from datagen.mesh.regions import Region
-from datagen.quantities import Magnitude
 from shared_schema.common.bodies.cells import outward_facets
 from shared_schema.common.bodies.groups import GroupParts, cells_in, facets_in
 from shared_schema.common.bodies.quadratic.points_between import PointsBetween
 from shared_schema.common.configuration import Frozen, absent, first_problem
+from shared_schema.common.keys.quantities import Magnitude
+from shared_schema.loads.regions import Region
 from shared_schema.own_class import import_named
 from shared_schema.tools import Sphere
 
 SHIPPED = {
-    "random_node": "datagen.loads.random_node:RandomNode",
-    "random_nodes": "datagen.loads.random_nodes:RandomNodes",
-    "each_node": "datagen.loads.each_node:EachNode",
-    "given": "datagen.loads.given:GivenLoads",
-    "sweep": "datagen.loads.sweep:Sweep",
-    "traction": "datagen.loads.traction:Traction",
-    "traction_patch": "datagen.loads.traction_patch:TractionPatch",
-    "body_force": "datagen.loads.body_force:BodyForce",
-    "pressure": "datagen.loads.pressure:Pressure",
-    "displacement": "datagen.loads.displacement:Displacement",
-    "tool": "datagen.loads.tool:ToolPress",
+    "random_node": "shared_schema.loads.random_node:RandomNode",
+    "random_nodes": "shared_schema.loads.random_nodes:RandomNodes",
+    "each_node": "shared_schema.loads.each_node:EachNode",
+    "given": "shared_schema.loads.given:GivenLoads",
+    "sweep": "shared_schema.loads.sweep:Sweep",
+    "traction": "shared_schema.loads.traction:Traction",
+    "traction_patch": "shared_schema.loads.traction_patch:TractionPatch",
+    "body_force": "shared_schema.loads.body_force:BodyForce",
+    "pressure": "shared_schema.loads.pressure:Pressure",
+    "displacement": "shared_schema.loads.displacement:Displacement",
+    "tool": "shared_schema.loads.tool:ToolPress",
 }
 
 

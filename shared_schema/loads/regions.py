@@ -18,9 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from datagen.mesh.group_names import missing_group
-from datagen.mesh.node_list import numbered_nodes, read_node_list, require_different
-from datagen.mesh.refinement import members_of
+from shared_schema.common.bodies.groups import missing_group
 from shared_schema.common.configuration import Frozen, absent
 
 AXES = ("x", "y", "z")
@@ -32,6 +30,7 @@ COMPARISONS = {
 }
 CONDITION = re.compile(r"^\s*(>=|<=|>|<)\s*(\S+)\s*$")
 NodeNumbers = tuple[Annotated[int, Field(ge=0, lt=2**62)], ...]
+LARGEST_FILE = 50_000_000  # bytes
 RELATIVE_TOLERANCE = 1e-6  # of the longest side of the mesh's bounding box
 
 
@@ -171,6 +170,29 @@ class Region(Frozen):
         return inside
 
 
+def members_of(
+    members: NDArray[np.bool_], origins: NDArray[np.int64], on_surface: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Nodes of a refined mesh that belong to a set of coarse nodes.
+
+    These are the coarse nodes themselves, and the new nodes of the edges, faces and cells all of
+    whose corners belong; if all these are on the surface, then so is the new node.
+
+    Parameters
+    ----------
+    members : array of bool, (n_coarse,)
+    origins : array of int, (n_nodes, n_corners)
+        Coarse nodes of the edge, face or cell that each node lies in; repeated ones fill a row.
+    on_surface : array of bool, (n_nodes,)
+
+    Returns
+    -------
+    array of bool, (n_nodes,)
+    """
+    beside = on_surface[: len(members)][origins].all(axis=1)
+    return np.asarray(members[origins].all(axis=1) & (on_surface | ~beside))
+
+
 def _on_surface(facets: NDArray[np.int64] | None, nodes: int) -> NDArray[np.bool_]:
     if facets is None:
         raise ValueError("boundary: the facets of the surface are not known")
@@ -191,3 +213,61 @@ def parse_condition(text: str) -> tuple[str, float]:
         return match[1], bound
     except ValueError:
         raise ValueError("expected a number or a comparison such as '> 0'") from None
+
+
+def read_node_list(path: Path) -> tuple[int, ...]:
+    """Read whole numbers that blanks, line ends or commas separate; comments begin with ``#``.
+
+    Raises
+    ------
+    ValueError
+        If there is no such file, or something else stands in it.
+    """
+    if not path.is_file():
+        raise ValueError(f"no such file {path}")
+    if path.stat().st_size > LARGEST_FILE:
+        raise ValueError(f"{path} has more than {LARGEST_FILE // 10**6} MB")
+    lines = path.read_text(errors="replace").splitlines()
+    words = [word for line in lines for word in line.partition("#")[0].replace(",", " ").split()]
+    for word in words:
+        if not (word.isascii() and word.isdigit() and len(word) < 19):
+            raise ValueError(f"'{word[:20]}' in {path}, expected whole numbers of nodes")
+    return tuple(map(int, words))
+
+
+def require_different(numbers: tuple[int, ...]) -> None:
+    """Raise ValueError if there is no number, or one stands there twice."""
+    if not numbers:
+        raise ValueError("expected one node at least")
+    values, counts = np.unique(numbers, return_counts=True)
+    if (counts > 1).any():
+        raise ValueError(f"node {values[counts.argmax()]} stands there twice")
+
+
+def numbered_nodes(
+    numbers: tuple[int, ...], first: int, places: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Find the nodes of a mesh by their numbers in its file.
+
+    Parameters
+    ----------
+    numbers : tuple of int
+    first : int
+        Number of the first node of the file, 0 or 1.
+    places : array of int, (n_nodes,)
+        Place of every node in the file from 0, ascending: nodes of no cell are left out.
+
+    Raises
+    ------
+    ValueError
+        If the file has no such node, or it belongs to no cell.
+    """
+    wanted = np.array(numbers, dtype=np.int64) - first
+    found = np.searchsorted(places, wanted).clip(max=len(places) - 1)
+    missing = places[found] != wanted
+    if missing.any():
+        number, last = int(wanted[missing][0]) + first, int(places[-1]) + first
+        within = first <= number <= last
+        said = "belongs to no cell" if within else f"expected {first} to {last}"
+        raise ValueError(f"node {number}: {said}")
+    return found
