@@ -1,4 +1,4 @@
-"""Load cases of a file, such as those that `surrogate propose` writes."""
+"""Load cases of a file (`shared_schema.load_cases`)."""
 
 from __future__ import annotations
 
