@@ -165,7 +165,7 @@ def tool(given: Given, lower: float = 0.0) -> Sphere:
 
 
 Call = Callable[[World, Given], Any]
-OF_BODIES = ["balanced", "equilibrium", "is_small", "material", "units"]
+OF_BODIES = ["equilibrium", "is_small", "material", "units"]
 OF_MODELS = ["fast_certificate", "fast_estimate"]
 OF_MODELS += ["bounds_of_components", "has_series", "is_probabilistic", "is_stochastic"]
 OF_MODELS += ["precision", "run"]
