@@ -116,7 +116,7 @@ def _parser() -> Parser:
 
 def _case_names() -> list[str]:
     from datagen.cases.case import SHIPPED
-    from shared_schema.common.shipped_files import names_in
+    from shared_schema.common.configuration import names_in
 
     return names_in(SHIPPED)
 

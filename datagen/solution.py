@@ -23,19 +23,18 @@ from datagen.solver.contact.tool_contact import INSIDE, ToolContact, touched
 from datagen.solver.given_start import read_start, solve_from
 from datagen.solver.load_stepping import SolveReport, solve_load_case
 from datagen.stability import with_stability
-from shared_schema.common.arguments.checked_arguments import checked_arguments, require_type
-from shared_schema.common.arguments.real_numbers import real_numbers
+from shared_schema.common.arguments import checked_arguments, real_numbers, require_type
 from shared_schema.common.bodies.command_loads import (
     CommandLoads,
     LoadedBody,
     Loads,
     command_loads,
 )
-from shared_schema.common.bodies.displacement_size import size_warning
+from shared_schema.common.bodies.equilibrium import size_warning
 from shared_schema.common.errors import InputError, WorkError
-from shared_schema.common.keys.units import SI, Units
 from shared_schema.common.progress import LoadProgress
 from shared_schema.common.solution_file import write_solution
+from shared_schema.common.units import SI, Units
 from shared_schema.materials import Volumetric
 from shared_schema.tools import Contact, Tool, parse_tool
 
@@ -66,13 +65,13 @@ class Solution:
         tool.
     force_between : array, (n_between, d), or None
         The part of distributed forces that acts between the nodes of quadratic elements, in N
-        (`shared_schema.common.bodies.quadratic.points_between`); None if there is none.
+        (`shared_schema.common.bodies.points_between`); None if there is none.
     displacement : array, (n_nodes, d)
         In m.
     reactions : array, (n_nodes, d)
         Forces of the supports on the body in N, 0 elsewhere.
     stresses : mapping of str to array, (n_cells, …)
-        Stresses and strain energy of the cells (`shared_schema.common.bodies.stress_fields`);
+        Stresses and strain energy of the cells (`shared_schema.common.bodies.equilibrium`);
         empty unless they were asked for.
     contact : Contact or None
         Forces of a tool, and how deep nodes are inside it.
@@ -148,7 +147,7 @@ class Solution:
 
     def plot(self) -> Figure:
         """Draw the deformed body with its displacement and forces, over the undeformed one."""
-        from shared_schema.common.drawing.deformed_figure import deformed_figure
+        from shared_schema.common.drawing.mesh_drawing import deformed_figure
 
         return deformed_figure(self, self.displacement, self.force)
 

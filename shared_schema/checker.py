@@ -11,11 +11,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.common.arguments.checked_arguments import checked_arguments
-from shared_schema.common.bodies.cells import CELL_TYPES
-from shared_schema.common.bodies.conformity import conformity_problem
-from shared_schema.common.checksum import require_plain, sha256
+from shared_schema.common.arguments import checked_arguments
+from shared_schema.common.bodies.cells import CELL_TYPES, conformity_problem
 from shared_schema.common.errors import InputError
+from shared_schema.common.files import require_plain, sha256
 from shared_schema.content_problems import content_problems
 from shared_schema.layout import Arrays
 from shared_schema.manifest import Manifest, digest_of, read_manifest, require_dataset

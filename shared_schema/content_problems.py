@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.common.bodies.cells import boundary_facets
-from shared_schema.common.bodies.quadratic.points_between import PointsBetween
+from shared_schema.common.bodies.points_between import PointsBetween
 from shared_schema.layout import NO_NODE, Arrays
 from shared_schema.manifest import Manifest
 

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.checker import require_intact
-from shared_schema.common.arguments.read_only import read_only
-from shared_schema.common.bodies.conformity import conformity_problem
+from shared_schema.common.arguments import read_only
+from shared_schema.common.bodies.cells import conformity_problem
 from shared_schema.common.errors import InputError
 from shared_schema.layout import Arrays, Kind
 from shared_schema.manifest import Manifest, ShardEntry, read_manifest

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.common.arguments.read_only import hold_read_only
+from shared_schema.common.arguments import hold_read_only
 from shared_schema.layout import NO_NODE, Arrays
 
 IN_A_ROW = "nodes"  # the name of such a grid, where a grid is chosen

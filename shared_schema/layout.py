@@ -6,13 +6,14 @@ Axes are named: ``sample``, ``node``, ``dim`` (space dimension d), ``cell``, ``c
 ``entry``, ``pointer`` (of a sparse matrix); ``group`` (of nodes), ``facet``, ``facet_corner`` and
 ``surface`` (of the body's surface under pressure); ``family`` (of fibres); ``pose`` (centre and
 radius of a ball); ``between`` (points of quadratic elements between the nodes, in the order of
-`shared_schema.common.bodies.quadratic.points_between`).
+`shared_schema.common.bodies.points_between`).
 An axis has the same length wherever it appears in one shard, and all axes but ``sample``,
 ``failed`` have the same length in every shard of a dataset.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Container
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -57,314 +58,130 @@ class ArrayLayout:
     optional: bool = False
 
 
-MESH = (
-    ArrayLayout(
-        "mesh/coordinates", "float64", ("node", "dim"), "m", "node positions of the undeformed body"
-    ),
-    ArrayLayout(
-        "mesh/cells", "int64", ("cell", "corner"), "1", "node numbers of every cell, VTK order"
-    ),
-    ArrayLayout(
-        "mesh/clamped", "bool", ("node",), "1", "nodes whose displacement is prescribed as zero"
-    ),
-    ArrayLayout("mesh/loadable", "bool", ("node",), "1", "nodes that the load family may load"),
-    ArrayLayout(
-        "mesh/held",
-        "bool",
-        ("node", "dim"),
-        "1",
-        "components of displacement prescribed as zero, if not all or none of a node's are",
-        optional=True,
-    ),
-    ArrayLayout(
-        "mesh/material",
-        "int64",
-        ("cell",),
-        "1",
-        "position of each cell's material in the case, if it has several",
-        optional=True,
-    ),
-    ArrayLayout(
-        "mesh/fibres",
-        "float64",
-        ("cell", "family", "dim"),
-        "1",
-        "unit vectors of the families of fibres in the undeformed body, if a material has some; 0 "
-        "where a cell's material has fewer",
-        optional=True,
-    ),
-    ArrayLayout("mesh/group_names", "str", ("group",), "1", "names of the groups", optional=True),
-    ArrayLayout(
-        "mesh/groups", "bool", ("group", "node"), "1", "nodes of the mesh's groups", optional=True
-    ),
-    ArrayLayout(
-        "mesh/group_facets",
-        "bool",
-        ("group", "side"),
-        "1",
-        "facets of the groups, of those of the surface in the lexicographic order of their nodes, "
-        "ascending; without it all whose nodes belong",
-        optional=True,
-    ),
-    ArrayLayout(
-        "mesh/group_cells",
-        "bool",
-        ("group", "cell"),
-        "1",
-        "cells of the groups; without it all whose nodes belong",
-        optional=True,
-    ),
-    ArrayLayout(
-        "mesh/pressed",
-        "int64",
-        ("facet", "facet_corner"),
-        "1",
-        "facets under a pressure that follows the surface, seen from outside",
-        optional=True,
-    ),
-    ArrayLayout(
-        "mesh/pressed_surface",
-        "int64",
-        ("facet",),
-        "1",
-        "number of the surface that each of them belongs to",
-        optional=True,
-    ),
-)
+ENTRY = re.compile(r"(\S+) : (\w+) \((.*?)\) (\S+?)(, sparse)?(, optional)? — (.*)")
 
 
-def _forces_between(group: str, axis: str) -> ArrayLayout:
-    """Layout of the forces between the nodes, of the load cases of a group along an axis."""
-    return ArrayLayout(
-        f"{group}/force_between",
-        "float64",
-        (axis, "between", "dim"),
-        "N",
-        "part of a distributed load that acts on the points of quadratic elements between the "
-        "nodes; `force` is at the nodes and does the work of all, in displacements that are linear "
-        "in the cells",
-        sparse=True,
-        optional=True,
+def _tree(text: str) -> tuple[ArrayLayout, ...]:
+    """Read lines ``path : type (axes) unit[, sparse][, optional] — description``.
+
+    Lines that go on with a description are indented.
+    """
+    lines = re.sub(r"\n +", " ", text.strip()).splitlines()
+    found = [ENTRY.fullmatch(line) for line in lines]
+    assert all(found), text
+    return tuple(
+        ArrayLayout(path, dtype, tuple(axes.split(", ")), units, said, bool(sparse), bool(optional))
+        for path, dtype, axes, units, sparse, optional, said in (m.groups() for m in found if m)
     )
 
 
-STABLE = ArrayLayout(
-    "samples/stable",
-    "bool",
-    ("sample",),
-    "1",
-    "the equilibrium is stable: its tangent is positive definite",
-    optional=True,
-)
-
-NODAL = (
-    *MESH,
-    ArrayLayout("samples/number", "int64", ("sample",), "1", "sample number"),
-    ArrayLayout(
-        "samples/loaded_nodes",
-        "int64",
-        ("sample", "load"),
-        "1",
-        "loaded nodes, padded with -1",
-        sparse=True,
-    ),
-    ArrayLayout(
-        "samples/force",
-        "float64",
-        ("sample", "load", "dim"),
-        "N",
-        "force vector at each loaded node, padded with 0",
-        sparse=True,
-    ),
-    _forces_between("samples", "sample"),
-    ArrayLayout(
-        "samples/displacement",
-        "float64",
-        ("sample", "node", "dim"),
-        "m",
-        "displacement of every node in equilibrium",
-    ),
-    ArrayLayout(
-        "samples/converged_reason", "int64", ("sample",), "1", "SNESConvergedReason of PETSc"
-    ),
-    ArrayLayout("samples/load_steps", "int64", ("sample",), "1", "converged load steps"),
-    ArrayLayout("samples/cutbacks", "int64", ("sample",), "1", "failed load steps, cut back"),
-    ArrayLayout(
-        "samples/newton_iterations",
-        "int64",
-        ("sample",),
-        "1",
-        "Newton iterations of all load steps",
-    ),
-    ArrayLayout(
-        "samples/residual_norm", "float64", ("sample",), "N", "2-norm of the last residual"
-    ),
-    ArrayLayout("samples/wall_time", "float64", ("sample",), "s", "time that the solve took"),
-    ArrayLayout(
-        "samples/pressure",
-        "float64",
-        ("sample", "surface"),
-        "Pa",
-        "pressure on each surface; `force` includes its forces on the undeformed body",
-        optional=True,
-    ),
-    ArrayLayout(
-        "samples/tool",
-        "float64",
-        ("sample", "pose"),
-        "m",
-        "centre and radius of the rigid ball that pushes the body; `force` includes its forces",
-        optional=True,
-    ),
-    ArrayLayout(
-        "samples/penetration",
-        "float64",
-        ("sample",),
-        "m",
-        "largest depth of a node inside the ball",
-        optional=True,
-    ),
-    STABLE,
-    ArrayLayout("failed/number", "int64", ("failed",), "1", "sample number of unsolved load cases"),
-    ArrayLayout(
-        "failed/loaded_nodes", "int64", ("failed", "load"), "1", "loaded nodes, padded with -1"
-    ),
-    ArrayLayout(
-        "failed/force", "float64", ("failed", "load", "dim"), "N", "force vectors, padded with 0"
-    ),
-    _forces_between("failed", "failed"),
-    ArrayLayout(
-        "failed/load_factor",
-        "float64",
-        ("failed",),
-        "1",
-        "part of the load under which an equilibrium was still found",
-    ),
-    ArrayLayout("failed/reason", "str", ("failed",), "1", "why the load case was given up"),
-    ArrayLayout(
-        "failed/pressure",
-        "float64",
-        ("failed", "surface"),
-        "Pa",
-        "pressure on each surface",
-        optional=True,
-    ),
-)
+def _between(group: str, axis: str) -> str:
+    """Forces between the nodes, of the load cases of a group along an axis."""
+    return f"""\
+{group}/force_between : float64 ({axis}, between, dim) N, sparse, optional — part of a distributed
+    load that acts on the points of quadratic elements between the nodes; `force` is at the nodes
+    and does the work of all, in displacements that are linear in the cells"""
 
 
-def _grid_fields(force: str, displacement: str) -> tuple[ArrayLayout, ArrayLayout]:
-    """Force and displacement on the grid, by their descriptions."""
-    axes = ("sample", "dim", "*grid")
-    return (
-        ArrayLayout("samples/force", "float32", axes, "N", force, sparse=True),
-        ArrayLayout("samples/displacement", "float32", axes, "m", displacement),
-    )
-
-
-STRUCTURED = (
-    *MESH,
-    ArrayLayout(
-        "grid/node_at",
-        "int64",
-        ("*grid",),
-        "1",
-        "node number at each grid point, -1 where the grid has no node",
-    ),
-    ArrayLayout("grid/mask", "bool", ("*grid",), "1", "grid points that are nodes"),
-    ArrayLayout("samples/number", "int64", ("sample",), "1", "sample number"),
-    ArrayLayout("samples/is_test", "bool", ("sample",), "1", "belongs to the test split"),
-    *_grid_fields(
-        "nodal force, channels first, 0 where the grid has no node",
-        "nodal displacement, channels first, 0 where the grid has no node",
-    ),
-    _forces_between("samples", "sample"),
-    STABLE,
-)
-
-EMBEDDED = (
-    *MESH,
-    ArrayLayout(
-        "grid/sources",
-        "int64",
-        ("*grid", "source"),
-        "1",
-        "nodes that the value at each grid point is made of, -1 where the grid has no value",
-    ),
-    ArrayLayout("grid/source_weights", "float64", ("*grid", "source"), "1", "their weights"),
-    ArrayLayout(
-        "grid/points",
-        "int64",
-        ("node", "target"),
-        "1",
-        "grid points, counted x slowest, that the value at each node is made of",
-    ),
-    ArrayLayout("grid/point_weights", "float64", ("node", "target"), "1", "their weights"),
-    ArrayLayout("grid/mask", "bool", ("*grid",), "1", "grid points that have a value"),
-    *(layout for layout in STRUCTURED if layout.path in ("samples/number", "samples/is_test")),
-    *_grid_fields(
-        "forces on the grid that do the work of the nodal ones, channels first",
-        "interpolated displacement, channels first, 0 where the grid has no value",
-    ),
-    ArrayLayout(
-        "samples/loaded_nodes",
-        "int64",
-        ("sample", "load"),
-        "1",
-        "loaded nodes, padded with -1",
-        sparse=True,
-    ),
-    ArrayLayout(
-        "samples/nodal_force",
-        "float32",
-        ("sample", "load", "dim"),
-        "N",
-        "force vector at each loaded node, padded with 0",
-        sparse=True,
-    ),
-    ArrayLayout(
-        "samples/nodal_displacement",
-        "float32",
-        ("sample", "node", "dim"),
-        "m",
-        "displacement of every node in equilibrium",
-    ),
-    _forces_between("samples", "sample"),
-    STABLE,
-)
-
-STIFFNESS = (
-    ArrayLayout(
-        "stiffness/data",
-        "float64",
-        ("entry",),
-        "N/m",
-        "entries of the stiffness of the undeformed body, no supports applied, row by row; "
-        "degree of freedom node * d + component",
-    ),
-    ArrayLayout("stiffness/indices", "int64", ("entry",), "1", "column of each entry"),
-    ArrayLayout(
-        "stiffness/indptr", "int64", ("pointer",), "1", "where each row begins, and the last ends"
-    ),
-)
-
-LOADS = (
-    MESH[0],
-    ArrayLayout(
-        "loads/loaded_nodes",
-        "int64",
-        ("sample", "load"),
-        "1",
-        "loaded nodes of every load case, padded with -1",
-    ),
-    ArrayLayout(
-        "loads/force",
-        "float64",
-        ("sample", "load", "dim"),
-        "N",
-        "force vector at each loaded node, padded with 0",
-    ),
-    _forces_between("loads", "sample"),
-)
+STABLE = """\
+samples/stable : bool (sample) 1, optional — the equilibrium is stable: its tangent is positive
+    definite"""
+SPLIT = """\
+samples/number : int64 (sample) 1 — sample number
+samples/is_test : bool (sample) 1 — belongs to the test split"""
+MESH = _tree("""
+mesh/coordinates : float64 (node, dim) m — node positions of the undeformed body
+mesh/cells : int64 (cell, corner) 1 — node numbers of every cell, VTK order
+mesh/clamped : bool (node) 1 — nodes whose displacement is prescribed as zero
+mesh/loadable : bool (node) 1 — nodes that the load family may load
+mesh/held : bool (node, dim) 1, optional — components of displacement prescribed as zero, if not all
+    or none of a node's are
+mesh/material : int64 (cell) 1, optional — position of each cell's material in the case, if it has
+    several
+mesh/fibres : float64 (cell, family, dim) 1, optional — unit vectors of the families of fibres in
+    the undeformed body, if a material has some; 0 where a cell's material has fewer
+mesh/group_names : str (group) 1, optional — names of the groups
+mesh/groups : bool (group, node) 1, optional — nodes of the mesh's groups
+mesh/group_facets : bool (group, side) 1, optional — facets of the groups, of those of the surface
+    in the lexicographic order of their nodes, ascending; without it all whose nodes belong
+mesh/group_cells : bool (group, cell) 1, optional — cells of the groups; without it all whose nodes
+    belong
+mesh/pressed : int64 (facet, facet_corner) 1, optional — facets under a pressure that follows the
+    surface, seen from outside
+mesh/pressed_surface : int64 (facet) 1, optional — number of the surface that each of them belongs
+    to
+""")
+NODAL = MESH + _tree(f"""
+samples/number : int64 (sample) 1 — sample number
+samples/loaded_nodes : int64 (sample, load) 1, sparse — loaded nodes, padded with -1
+samples/force : float64 (sample, load, dim) N, sparse — force vector at each loaded node, padded
+    with 0
+{_between("samples", "sample")}
+samples/displacement : float64 (sample, node, dim) m — displacement of every node in equilibrium
+samples/converged_reason : int64 (sample) 1 — SNESConvergedReason of PETSc
+samples/load_steps : int64 (sample) 1 — converged load steps
+samples/cutbacks : int64 (sample) 1 — failed load steps, cut back
+samples/newton_iterations : int64 (sample) 1 — Newton iterations of all load steps
+samples/residual_norm : float64 (sample) N — 2-norm of the last residual
+samples/wall_time : float64 (sample) s — time that the solve took
+samples/pressure : float64 (sample, surface) Pa, optional — pressure on each surface; `force`
+    includes its forces on the undeformed body
+samples/tool : float64 (sample, pose) m, optional — centre and radius of the rigid ball that pushes
+    the body; `force` includes its forces
+samples/penetration : float64 (sample) m, optional — largest depth of a node inside the ball
+{STABLE}
+failed/number : int64 (failed) 1 — sample number of unsolved load cases
+failed/loaded_nodes : int64 (failed, load) 1 — loaded nodes, padded with -1
+failed/force : float64 (failed, load, dim) N — force vectors, padded with 0
+{_between("failed", "failed")}
+failed/load_factor : float64 (failed) 1 — part of the load under which an equilibrium was still
+    found
+failed/reason : str (failed) 1 — why the load case was given up
+failed/pressure : float64 (failed, surface) Pa, optional — pressure on each surface
+""")
+STRUCTURED = MESH + _tree(f"""
+grid/node_at : int64 (*grid) 1 — node number at each grid point, -1 where the grid has no node
+grid/mask : bool (*grid) 1 — grid points that are nodes
+{SPLIT}
+samples/force : float32 (sample, dim, *grid) N, sparse — nodal force, channels first, 0 where the
+    grid has no node
+samples/displacement : float32 (sample, dim, *grid) m — nodal displacement, channels first, 0 where
+    the grid has no node
+{_between("samples", "sample")}
+{STABLE}
+""")
+EMBEDDED = MESH + _tree(f"""
+grid/sources : int64 (*grid, source) 1 — nodes that the value at each grid point is made of, -1
+    where the grid has no value
+grid/source_weights : float64 (*grid, source) 1 — their weights
+grid/points : int64 (node, target) 1 — grid points, counted x slowest, that the value at each node
+    is made of
+grid/point_weights : float64 (node, target) 1 — their weights
+grid/mask : bool (*grid) 1 — grid points that have a value
+{SPLIT}
+samples/force : float32 (sample, dim, *grid) N, sparse — forces on the grid that do the work of the
+    nodal ones, channels first
+samples/displacement : float32 (sample, dim, *grid) m — interpolated displacement, channels first, 0
+    where the grid has no value
+samples/loaded_nodes : int64 (sample, load) 1, sparse — loaded nodes, padded with -1
+samples/nodal_force : float32 (sample, load, dim) N, sparse — force vector at each loaded node,
+    padded with 0
+samples/nodal_displacement : float32 (sample, node, dim) m — displacement of every node in
+    equilibrium
+{_between("samples", "sample")}
+{STABLE}
+""")
+STIFFNESS = _tree("""
+stiffness/data : float64 (entry) N/m — entries of the stiffness of the undeformed body, no supports
+    applied, row by row; degree of freedom node * d + component
+stiffness/indices : int64 (entry) 1 — column of each entry
+stiffness/indptr : int64 (pointer) 1 — where each row begins, and the last ends
+""")
+LOADS = MESH[:1] + _tree(f"""
+loads/loaded_nodes : int64 (sample, load) 1 — loaded nodes of every load case, padded with -1
+loads/force : float64 (sample, load, dim) N — force vector at each loaded node, padded with 0
+{_between("loads", "sample")}
+""")
 
 LAYOUTS: dict[FileKind, tuple[ArrayLayout, ...]] = {
     "nodal": NODAL,

@@ -1,4 +1,4 @@
-"""Load cases in a file of their own, which `datagen run --loads` solves.
+"""Load cases in a file of their own: those that `surrogate` proposes and `datagen` solves.
 
 No manifest has the checksum of such a file. So it ends with one: the SHA-256, in 64 hexadecimal
 digits, of all that is before it. HDF5 does not read that far.
@@ -13,9 +13,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.common.atomic_file import complete_or_absent
-from shared_schema.common.checksum import require_plain
 from shared_schema.common.errors import InputError
+from shared_schema.common.files import complete_or_absent, require_plain
 from shared_schema.layout import NO_NODE
 from shared_schema.shard import read_shard, shard_content
 
@@ -36,7 +35,7 @@ class LoadCases:
     forces : array, (n, most, d)
         Force vector at each of them in N, padded with 0.
     between : array, (n, n_between, d), optional
-        Forces between the nodes in N (`shared_schema.common.bodies.quadratic.points_between`).
+        Forces between the nodes in N (`shared_schema.common.bodies.points_between`).
     """
 
     coordinates: Array
@@ -65,11 +64,8 @@ class LoadCases:
         return self.nodes[number][loaded], self.forces[number][loaded]
 
 
-def write_load_cases(path: Path, cases: LoadCases, cell_type: str) -> str:
-    """Write a file of load cases atomically; return the SHA-256 at its end.
-
-    The cell type is that of the mesh: "triangle", "quad", "tetra" or "hexahedron".
-    """
+def write_load_cases(path: Path, cases: LoadCases, case_digest: str, cell_type: str) -> str:
+    """Write a file of load cases atomically; return the SHA-256 at its end."""
     arrays = {
         "mesh/coordinates": cases.coordinates,
         "loads/loaded_nodes": cases.nodes,
@@ -77,7 +73,7 @@ def write_load_cases(path: Path, cases: LoadCases, cell_type: str) -> str:
     }
     if cases.between is not None:
         arrays["loads/force_between"] = cases.between
-    content = shard_content(path.name, "loads", arrays, "", cell_type)
+    content = shard_content(path.name, "loads", arrays, case_digest, cell_type)
     digest = hashlib.sha256(content).hexdigest()
     with complete_or_absent(path) as partial:
         partial.write_bytes(content + digest.encode())

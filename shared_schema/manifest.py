@@ -1,24 +1,24 @@
 """The manifest of a dataset: its kind, its origin, and the checksum of every file in it.
 
 ``manifest.json`` is written last and in one canonical spelling, so that its presence means a
-complete dataset and any changed byte is found.
+complete dataset and any changed byte is found. An interrupted `datagen run` leaves a folder
+``.journal`` with the case and its shards instead.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import Field
 
-from shared_schema.common.atomic_file import write_text
-from shared_schema.common.checksum import require_plain
 from shared_schema.common.configuration import Frozen, absent, validate
 from shared_schema.common.errors import InputError
+from shared_schema.common.files import require_plain, write_text
 from shared_schema.layout import SCHEMA_VERSION, Kind
-from shared_schema.unfinished import find_unfinished
 
 MANIFEST = "manifest.json"
 PLAID = "infos.yaml"  # of a dataset in the PLAID format
@@ -317,3 +317,47 @@ def read_manifest(folder: Path, kind: Kind | None = None) -> Manifest:
     if kind is not None and manifest.kind != kind:
         raise InputError(f"{folder}: a {manifest.kind} dataset, expected a {kind} one")
     return manifest
+
+
+JOURNAL = ".journal"
+
+
+@dataclass(frozen=True)
+class Unfinished:
+    """A dataset whose `datagen run` has not ended.
+
+    Attributes
+    ----------
+    folder : Path
+    samples : int
+        Number of load cases of the whole dataset.
+    shards, finished : int
+        Number of all its shards, and of those that are finished since the run began.
+    """
+
+    folder: Path
+    samples: int
+    shards: int
+    finished: int
+
+    @property
+    def how_to_go_on(self) -> str:
+        """Say how the dataset is finished."""
+        return f"run the same `datagen run … --out {self.folder}` again"
+
+
+def growing(unfinished: Unfinished) -> str:
+    """Say that a complete dataset grows, and how that is finished."""
+    return f"grows to {unfinished.samples} samples, unfinished; {unfinished.how_to_go_on}"
+
+
+def find_unfinished(folder: Path) -> Unfinished | None:
+    """Read the journal of a folder; None if it has none that can be read."""
+    journal = folder / JOURNAL
+    try:
+        settings = json.loads((journal / "case.json").read_text(encoding="utf-8"))["dataset"]
+        samples, size = int(settings["samples"]), int(settings["shard_size"])
+        finished = sum(1 for entry in journal.glob("shard-*.json"))
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return None
+    return Unfinished(folder, samples, -(-samples // max(size, 1)), finished)

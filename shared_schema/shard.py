@@ -19,11 +19,10 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.common.atomic_file import complete_or_absent
-from shared_schema.common.checksum import require_plain
 from shared_schema.common.errors import InputError, first_line
-from shared_schema.common.keys.units import SI, Units
-from shared_schema.common.memory import require_memory
+from shared_schema.common.files import complete_or_absent, require_plain
+from shared_schema.common.machine import require_memory
+from shared_schema.common.units import SI, Units
 from shared_schema.layout import (
     SCHEMA_VERSION,
     SHARD_ATTRIBUTES,

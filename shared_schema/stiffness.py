@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.common.keys.units import SI, Units
+from shared_schema.common.units import SI, Units
 from shared_schema.shard import read_shard, write_shard
 
 STIFFNESS_FILE = "stiffness.h5"

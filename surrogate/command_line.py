@@ -13,7 +13,7 @@ from surrogate.command_options import speaks
 from surrogate.extensions import CONTRIB
 
 NAMES = (  # in the order of the help
-    "init schema train evaluate calibrate compare predict identify "
+    "init schema train evaluate calibrate compare learn-curve predict identify propose refine "
     "balance export report page serve list shelve"
 )
 ELSEWHERE = {**CONTRIB, **dict.fromkeys(("list", "shelve"), "surrogate.commands.shelf")}
@@ -54,7 +54,7 @@ def _parser(command: str | None = None) -> Parser:
 
 
 def _config_names() -> list[str]:
-    from shared_schema.common.shipped_files import names_in
+    from shared_schema.common.configuration import names_in
     from surrogate.learning.runs.recipes import SHIPPED
 
     return names_in(SHIPPED)

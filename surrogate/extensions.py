@@ -11,7 +11,8 @@ from typing import Any
 CONTRIB = {
     "pod": "surrogate.contrib.pod_model.PODModel",  # key `model`
     "load_paths": "surrogate.contrib.sample_paths.along_load_paths",  # key `training.load_paths`
-    "balance": "surrogate.contrib.balance",  # command
+    "refine": "surrogate.contrib.refine",  # commands
+    "balance": "surrogate.contrib.balance",
 }
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from shared_schema.common.keys.key_list import REQUIRED, Key
+from shared_schema.common.configuration_keys import REQUIRED, Key
 
 
 def keys_page(title: str, intro: str, keys: Sequence[Key]) -> str:

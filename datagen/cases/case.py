@@ -15,11 +15,10 @@ from datagen.materials import material_of
 from datagen.mesh.geometries import Geometry
 from datagen.mesh.mesh_file import MeshFile
 from datagen.solver.settings import SolverSettings
-from shared_schema.common.arguments.checked_arguments import checked_arguments
-from shared_schema.common.changed_keys import changed, source_of
-from shared_schema.common.configuration import Frozen, read_named, validate
+from shared_schema.common.arguments import checked_arguments
+from shared_schema.common.configuration import Frozen, changed, read_named, source_of, validate
 from shared_schema.common.errors import InputError
-from shared_schema.common.keys.units import SI, Units
+from shared_schema.common.units import SI, Units
 from shared_schema.load_cases import read_load_cases
 from shared_schema.loads import LoadFamily, load_family
 from shared_schema.manifest import digest_of

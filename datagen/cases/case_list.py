@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from datagen.cases.case import SHIPPED
-from shared_schema.common.shipped_files import shipped_files
+from shared_schema.common.configuration import shipped_files
 
 
 class ShippedCase(NamedTuple):

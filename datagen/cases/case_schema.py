@@ -7,8 +7,7 @@ from typing import Any
 
 from datagen.cases.case import Case
 from datagen.materials import OwnMaterial
-from shared_schema.common.keys.json_schema import DIALECT, Schema, json_schemas
-from shared_schema.common.keys.key_list import Key, keys_of
+from shared_schema.common.configuration_keys import DIALECT, Key, Schema, json_schemas, keys_of
 from shared_schema.loads.family import SHIPPED, LoadFamily
 from shared_schema.materials import SHIPPED as SHIPPED_MATERIALS
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pydantic import Field, model_validator
 
 from shared_schema.common.configuration import Frozen
-from shared_schema.common.keys.quantities import Count, Seed
+from shared_schema.common.units import Count, Seed
 
 MOST_SHARDS = 100_000  # their file names have five digits
 

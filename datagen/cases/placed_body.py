@@ -16,9 +16,8 @@ from datagen.discretisation.locking import locking_warning
 from datagen.materials.fibre_directions import fibres_of_cells
 from datagen.mesh.split_nodes import split_warning
 from shared_schema.common.bodies.cells import boundary_facets
-from shared_schema.common.bodies.groups import group_arrays
-from shared_schema.common.bodies.quadratic.points_between import PointsBetween
-from shared_schema.common.bodies.raw_mesh import RawMesh
+from shared_schema.common.bodies.groups import RawMesh, group_arrays
+from shared_schema.common.bodies.points_between import PointsBetween
 from shared_schema.common.errors import InputError
 from shared_schema.loads import LoadsTogether
 from shared_schema.loads.placed_loads import nodes_of, placed_loads

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.common.bodies.cells import components, parts_of
-from shared_schema.common.bodies.raw_mesh import RawMesh
+from shared_schema.common.bodies.groups import RawMesh
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -21,7 +21,7 @@ def add_to(commands: Commands) -> None:
 def run(options: argparse.Namespace) -> None:
     """Print a line for each case."""
     from datagen import shipped_cases
-    from shared_schema.common.text_table import laid_out
+    from shared_schema.common.command_line import laid_out
 
     rows = [[str(value) for value in case] for case in shipped_cases()]
     print(laid_out([("case", "mesh", "load", "samples", ""), *rows]))

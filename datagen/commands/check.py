@@ -26,7 +26,7 @@ def run(options: argparse.Namespace) -> None:
     """Print every violation, or that there is none."""
     from datagen import check
     from shared_schema.dataset_reader import DatasetReader, unstable_samples
-    from shared_schema.unfinished import find_unfinished, growing
+    from shared_schema.manifest import find_unfinished, growing
 
     problems = check(options.dataset)
     if len(problems) == 1:

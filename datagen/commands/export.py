@@ -6,10 +6,9 @@ import argparse
 from pathlib import Path
 
 from datagen.commands.options import add_nodal
-from shared_schema.common.atomic_file import require_writable
-from shared_schema.common.bodies.load_options import STRESSES
-from shared_schema.common.command_line import Commands, add_command
+from shared_schema.common.command_line import STRESSES, Commands, add_command
 from shared_schema.common.errors import InputError
+from shared_schema.common.files import require_writable
 from shared_schema.common.solution_file import require_suffix
 
 

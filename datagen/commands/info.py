@@ -5,10 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from shared_schema.common.atomic_file import require_writable
-from shared_schema.common.command_line import Commands, add_command
+from shared_schema.common.command_line import Commands, add_command, laid_out
+from shared_schema.common.files import require_writable
 from shared_schema.common.solution_file import require_suffix
-from shared_schema.common.text_table import laid_out
 
 
 def add_to(commands: Commands) -> None:

@@ -6,8 +6,7 @@ import argparse
 from pathlib import Path
 
 from datagen.commands.options import add_case
-from shared_schema.common.command_line import Commands, add_command
-from shared_schema.common.text_table import laid_out
+from shared_schema.common.command_line import Commands, add_command, laid_out
 
 
 def add_to(commands: Commands) -> None:
@@ -30,7 +29,7 @@ def add_to(commands: Commands) -> None:
         "--loads",
         type=Path,
         metavar="LOADS.h5",
-        help="solve the load cases of a file (shared_schema.load_cases)",
+        help="solve the load cases of a file, such as those of `surrogate propose`",
     )
     parser.add_argument(
         "--ranks-per-solve", type=int, default=1, metavar="R", help="ranks that share each solve"

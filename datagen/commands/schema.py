@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from shared_schema.common.command_line import Commands, add_command
-from shared_schema.common.keys.schema_command import add_arguments, printed
+from shared_schema.common.configuration_keys import add_arguments, printed
 
 
 def add_to(commands: Commands) -> None:
@@ -24,7 +24,7 @@ def add_to(commands: Commands) -> None:
 def run(options: argparse.Namespace) -> None:
     """Print the keys; behind all of them, what the units are."""
     from datagen import case_keys, case_schema
-    from shared_schema.common.keys.units import GUIDANCE
+    from shared_schema.common.units import GUIDANCE
 
     print(printed(options, case_keys(), case_schema()))
     if options.format == "text" and not options.key:

@@ -7,10 +7,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from datagen.commands.options import add_case
-from shared_schema.common.atomic_file import require_writable
-from shared_schema.common.bodies.load_options import STRESSES, add_held, add_loads, add_tool
-from shared_schema.common.command_line import Commands, add_command
-from shared_schema.common.memory import largest_resident, megabytes
+from shared_schema.common.command_line import (
+    STRESSES,
+    Commands,
+    add_command,
+    add_held,
+    add_loads,
+    add_tool,
+)
+from shared_schema.common.files import require_writable
+from shared_schema.common.machine import largest_resident, megabytes
 from shared_schema.common.solution_file import require_suffix
 from shared_schema.tools import contact_line
 

@@ -1,7 +1,7 @@
 r"""Unknowns of a discretised body: displacements, and with some elements dilations and pressures.
 
 Displacements are those of the *points* of the elements: the corners of the cells and, if they are
-quadratic, points between them (`shared_schema.common.bodies.quadratic.points_between`). Loads act
+quadratic, points between them (`shared_schema.common.bodies.points_between`). Loads act
 on all points. Supports and displacements that enter or leave the solver belong to the corners,
 which are the nodes of the mesh. At a point between corners, a given field has the value that the
 linear shape functions :math:`N_a` of the cell interpolate,
@@ -26,7 +26,7 @@ from datagen.discretisation.element import ElementKind
 from datagen.dolfinx_versions import cell_blocks, functionspace, mixed_space
 from datagen.mesh.distributed_mesh import Mesh
 from datagen.mesh.node_numbering import NodeNumbering, node_numbering
-from shared_schema.common.bodies.quadratic.points_between import NONE, PointsBetween
+from shared_schema.common.bodies.points_between import NONE, PointsBetween
 
 
 class Unknowns:

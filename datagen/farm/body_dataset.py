@@ -18,10 +18,10 @@ from datagen.cases.placed_body import PlacedBody, placed
 from datagen.farm.software_versions import software_versions
 from datagen.transforms.claim_folder import claim_folder, locked, remove_other_shards
 from datagen.transforms.running_statistics import RunningStatistics
-from shared_schema.common.arguments.checked_arguments import checked_arguments
-from shared_schema.common.bodies.conformity import conformity_problem
+from shared_schema.common.arguments import checked_arguments
+from shared_schema.common.bodies.cells import conformity_problem
+from shared_schema.common.bodies.nodal_forces import scatter_forces
 from shared_schema.common.errors import InputError
-from shared_schema.common.nodal_forces import scatter_forces
 from shared_schema.grid import Grid, grid_arrays
 from shared_schema.manifest import (
     MANIFEST,

@@ -26,10 +26,10 @@ from datagen.farm.work_desk import WorkDesk
 from datagen.farm.work_plan import Piece, plan, shard_count, shard_name, shard_samples
 from datagen.output.undeformed_stiffness import stiffness_of
 from datagen.ranks import RankGroup, on_rank_zero
-from shared_schema.common.arguments.checked_arguments import checked_arguments
-from shared_schema.common.bodies.raw_mesh import RawMesh
+from shared_schema.common.arguments import checked_arguments
+from shared_schema.common.bodies.groups import RawMesh
 from shared_schema.common.errors import InputError, StoppedError, WorkError
-from shared_schema.common.memory import largest_resident, require_memory
+from shared_schema.common.machine import largest_resident, require_memory
 from shared_schema.common.progress import Progress
 from shared_schema.layout import Arrays
 from shared_schema.loads import act_between

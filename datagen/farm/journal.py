@@ -21,16 +21,15 @@ from typing import Any
 from datagen.cases.case import Case
 from datagen.discretisation.element import element_kind
 from datagen.farm.work_plan import shard_name
-from shared_schema.common.atomic_file import remove_partial_files, require_writable, write_text
 from shared_schema.common.bodies.reference_cells import CORNERS
-from shared_schema.common.checksum import sha256
-from shared_schema.common.configuration import validate
-from shared_schema.common.differences import difference_text, differences
+from shared_schema.common.configuration import difference_text, differences, validate
 from shared_schema.common.errors import InputError
+from shared_schema.common.files import remove_partial_files, require_writable, sha256, write_text
 from shared_schema.common.folder_lock import LOCK, FolderLock
 from shared_schema.layout import Arrays
 from shared_schema.loads import act_between
 from shared_schema.manifest import (
+    JOURNAL,
     MANIFEST,
     Manifest,
     ShardEntry,
@@ -40,7 +39,6 @@ from shared_schema.manifest import (
 )
 from shared_schema.shard import read_arrays, read_attributes, read_shard, write_shard
 from shared_schema.stiffness import STIFFNESS_FILE
-from shared_schema.unfinished import JOURNAL
 
 SAMPLES = "dataset.samples"
 FILES = (  # with their checksums

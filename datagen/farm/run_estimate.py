@@ -21,8 +21,8 @@ from datagen.farm.shard_job import ShardJob
 from datagen.farm.work_plan import shard_count
 from datagen.output.undeformed_stiffness import stiffness_of
 from datagen.ranks import RankGroup
-from shared_schema.common.arguments.checked_arguments import checked_arguments
-from shared_schema.common.bodies.raw_mesh import RawMesh
+from shared_schema.common.arguments import checked_arguments
+from shared_schema.common.bodies.groups import RawMesh
 from shared_schema.materials import Volumetric
 
 logger = logging.getLogger(__name__)

@@ -16,7 +16,7 @@ from datagen.ranks import on_rank_zero
 from datagen.solver.contact.tool_contact import INSIDE, touched
 from datagen.solver.load_stepping import solve_load_case
 from datagen.stability import with_stability
-from shared_schema.common.bodies.displacement_size import size_warning
+from shared_schema.common.bodies.equilibrium import size_warning
 from shared_schema.common.errors import InputError
 from shared_schema.layout import NO_NODE, Arrays
 from shared_schema.loads import Load, Recorded

@@ -8,7 +8,7 @@ from typing import Any, Literal
 from pydantic import Field, model_validator
 
 from datagen.mesh.transfinite import Elements, Transfinite
-from shared_schema.common.keys.quantities import Length
+from shared_schema.common.units import Length
 
 
 class Box(Transfinite):

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from datagen.dolfinx_versions import create_mesh
 from datagen.mesh.geometries import Geometry
 from datagen.ranks import on_rank_zero
-from shared_schema.common.bodies.conformity import conformity_problem
-from shared_schema.common.bodies.raw_mesh import RawMesh
+from shared_schema.common.bodies.cells import conformity_problem
+from shared_schema.common.bodies.groups import RawMesh
 from shared_schema.common.errors import InputError
 
 

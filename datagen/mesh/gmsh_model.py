@@ -12,8 +12,7 @@ import numpy as np
 
 from datagen.mesh.group_names import Group
 from datagen.mesh.raw_mesh import raw_mesh
-from shared_schema.common.bodies.groups import KINDS
-from shared_schema.common.bodies.raw_mesh import RawMesh
+from shared_schema.common.bodies.groups import KINDS, RawMesh
 from shared_schema.common.errors import first_line
 
 MESHIO_NAMES = {1: "line", 2: "triangle", 3: "quad", 4: "tetra", 5: "hexahedron", 15: "vertex"}

@@ -8,7 +8,7 @@ from pydantic import model_validator
 
 from datagen.mesh.transfinite import Elements, Transfinite
 from shared_schema.common.configuration import Frozen
-from shared_schema.common.keys.quantities import Size
+from shared_schema.common.units import Size
 
 
 class Arm(Frozen):

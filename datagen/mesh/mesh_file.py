@@ -27,11 +27,11 @@ from datagen.mesh.files.surface_file import is_surface, mesh_inside
 from datagen.mesh.overlap import overlap_problem
 from datagen.mesh.raw_mesh import read_raw_mesh, write_raw_mesh
 from datagen.mesh.refinement import refined
-from shared_schema.common.bodies.raw_mesh import RawMesh
-from shared_schema.common.checksum import sha256
+from shared_schema.common.bodies.groups import RawMesh
 from shared_schema.common.configuration import Frozen, absent
 from shared_schema.common.errors import InputError, first_line
-from shared_schema.common.keys.quantities import Size
+from shared_schema.common.files import sha256
+from shared_schema.common.units import Size
 
 Parameter = Annotated[float, Field(ge=-1e12, le=1e12)]
 UNFIT = 3  # exit code of the process that reads a mesh, if it says what is wrong

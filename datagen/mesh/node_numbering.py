@@ -22,7 +22,7 @@ class NodeNumbering:
 
     The d degrees of freedom of a node form a block. Each block is owned by one rank; ranks that
     share a cell with it hold a copy (ghost). Points of quadratic elements have numbers as well
-    (`shared_schema.common.bodies.quadratic.points_between`).
+    (`shared_schema.common.bodies.points_between`).
 
     Attributes
     ----------

@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from shared_schema.common.bodies.cells import FACETS, boundary_facets
-from shared_schema.common.bodies.conformity import cell_names
+from shared_schema.common.bodies.cells import FACETS, boundary_facets, cell_names
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

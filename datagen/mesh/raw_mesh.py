@@ -12,10 +12,14 @@ from numpy.typing import NDArray
 
 from datagen.mesh.group_names import Blocks, CellSets, Group, by_name, dimension_of, nodes_of_cells
 from datagen.mesh.group_parts import parts_of_groups
-from shared_schema.common.bodies.cells import CELL_TYPES, NEIGHBOURS
-from shared_schema.common.bodies.conformity import cell_names, conformity_problem, node_problem
-from shared_schema.common.bodies.groups import GroupParts
-from shared_schema.common.bodies.raw_mesh import RawMesh
+from shared_schema.common.bodies.cells import (
+    CELL_TYPES,
+    NEIGHBOURS,
+    cell_names,
+    conformity_problem,
+    node_problem,
+)
+from shared_schema.common.bodies.groups import GroupParts, RawMesh
 
 DIMENSION = {"triangle": 2, "quad": 2, "tetra": 3, "hexahedron": 3}
 SMALLEST = 1e-9  # smallest |Jacobian| at a corner, over the product of the edge lengths there

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from datagen.mesh.group_parts import facets_of_cells
 from shared_schema.common.bodies.cells import boundary_facets
-from shared_schema.common.bodies.groups import GroupParts
-from shared_schema.common.bodies.raw_mesh import RawMesh
+from shared_schema.common.bodies.groups import GroupParts, RawMesh
 from shared_schema.common.bodies.reference_cells import CORNERS
 from shared_schema.loads.regions import members_of
 

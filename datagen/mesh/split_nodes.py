@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from shared_schema.common.bodies.point_load import COINCIDENT
+from shared_schema.common.bodies.nodal_forces import COINCIDENT
 
 
 def split_warning(coordinates: NDArray[np.float64]) -> str | None:

@@ -9,9 +9,9 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from datagen.mesh.gmsh_model import gmsh_session, mesh_of
-from shared_schema.common.bodies.raw_mesh import RawMesh
+from shared_schema.common.bodies.groups import RawMesh
 from shared_schema.common.configuration import Frozen
-from shared_schema.common.memory import require_memory
+from shared_schema.common.machine import require_memory
 
 Elements = Annotated[int, Field(gt=0, le=10**6)]  # along an axis
 BYTES_PER_NODE = {2: 4000, 3: 15000}  # of mesh and problem, measured; LU factors come on top

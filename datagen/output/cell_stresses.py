@@ -26,8 +26,7 @@ from datagen.dolfinx_versions import (
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.forms.strain_energy import completed, deformation_gradient, energy_density
 from datagen.solver.forms.weak_form import cell_volumes, kernels_of
-from shared_schema.common.bodies.force_tolerance import mean_edge
-from shared_schema.common.bodies.stress_fields import stress_fields
+from shared_schema.common.bodies.equilibrium import mean_edge, stress_fields
 from shared_schema.materials import Material
 
 Array = NDArray[np.float64]

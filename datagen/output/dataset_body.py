@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.common.keys.units import Units
+from shared_schema.common.units import Units
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.layout import Arrays
 

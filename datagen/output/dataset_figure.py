@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from datagen.output.dataset_body import DatasetBody
 from datagen.output.nodal_samples import NodalSamples, Sample
-from shared_schema.common.arguments.checked_arguments import checked_arguments
+from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.drawing.drawing import Drawing
 from shared_schema.common.drawing.figure_style import (
     NETWORK,

@@ -8,13 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from datagen.discretisation.element import element_kind
-from shared_schema.common.arguments.checked_arguments import checked_arguments
-from shared_schema.common.keys.units import Units
-from shared_schema.common.memory import megabytes
+from shared_schema.common.arguments import checked_arguments
+from shared_schema.common.machine import megabytes
+from shared_schema.common.units import Units
 from shared_schema.dataset_reader import DatasetReader, unstable_samples
 from shared_schema.layout import NO_NODE, Arrays
-from shared_schema.manifest import Manifest
-from shared_schema.unfinished import find_unfinished, growing
+from shared_schema.manifest import Manifest, find_unfinished, growing
 
 Row = tuple[str, str]
 

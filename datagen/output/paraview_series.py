@@ -4,7 +4,7 @@ An ``.xdmf`` file refers to an ``.h5`` file beside it that holds the arrays; a `
 to a folder beside it with one ``.vtu`` file per sample. Points are those of the undeformed mesh,
 with ``displacement`` in m and ``force`` in N, three components each, float64. With stresses they
 also have ``reaction`` in N, and the cells the fields of
-`shared_schema.common.bodies.stress_fields`.
+`shared_schema.common.bodies.equilibrium`.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ import numpy as np
 from meshio.xdmf import TimeSeriesWriter
 
 from datagen.output.nodal_samples import NodalSamples, Sample
-from shared_schema.common.arguments.checked_arguments import checked_arguments
-from shared_schema.common.atomic_file import PARTIAL, complete_or_absent
+from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.errors import InputError
+from shared_schema.common.files import PARTIAL, complete_or_absent
 from shared_schema.common.progress import Progress
 from shared_schema.common.solution_file import flat, in_space, require_suffix, write_solution
 from shared_schema.materials import as_tuple, materials_of
@@ -103,7 +103,7 @@ def _with_stresses(dataset: NodalSamples, folder: Path) -> Callable[[Sample], Fi
     from datagen.output.cell_stresses import CellStresses, reactions_of_supports
     from datagen.solver.equilibrium import EquilibriumProblem
     from datagen.solver.settings import SolverSettings
-    from shared_schema.common.bodies.raw_mesh import RawMesh
+    from shared_schema.common.bodies.groups import RawMesh
 
     element = dataset.manifest.case.get("element", "linear")
     if not element_kind(element, dataset.cell_type).corners_only:

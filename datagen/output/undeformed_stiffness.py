@@ -13,7 +13,7 @@ from datagen.discretisation.element import Element
 from datagen.mesh.distributed_mesh import distributed
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.settings import SolverSettings
-from shared_schema.common.bodies.raw_mesh import RawMesh
+from shared_schema.common.bodies.groups import RawMesh
 from shared_schema.materials import Material
 from shared_schema.stiffness import Stiffness
 

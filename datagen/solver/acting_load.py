@@ -20,7 +20,7 @@ from datagen.mesh.distributed_mesh import Mesh
 from datagen.solver.contact.tool_contact import ToolContact
 from datagen.solver.follower_pressure import FollowerPressure
 from datagen.solver.supports import Supports
-from shared_schema.common.nodal_forces import scatter_forces, sum_per_node
+from shared_schema.common.bodies.nodal_forces import scatter_forces, sum_per_node
 
 Array = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ identity; the first step moves the rest of the body with a prescribed displaceme
 
 Quadratic elements have displacements between the nodes of the mesh as well, and incompressible
 triangles and tetrahedra dilations and pressures (`datagen.discretisation`); u and R then hold all
-of them. Loads act on all points (`shared_schema.common.bodies.quadratic.points_between`), and
+of them. Loads act on all points (`shared_schema.common.bodies.points_between`), and
 pressures on the facets that these span. Supports and results are those of the nodes of the mesh,
 the corners of the cells: a displacement is prescribed between corners where it is at all of them.
 
@@ -49,7 +49,7 @@ from datagen.solver.minimum_jacobian import MinimumJ
 from datagen.solver.newton import Newton, NewtonResult, reason_name, round_off
 from datagen.solver.settings import SolverSettings
 from datagen.solver.supports import Supports
-from shared_schema.common.bodies.force_tolerance import ForceTolerance, mean_edge
+from shared_schema.common.bodies.equilibrium import ForceTolerance, mean_edge
 from shared_schema.materials import Material
 
 INVERTED = "inverted element (J <= 0)"

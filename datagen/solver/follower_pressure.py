@@ -3,7 +3,7 @@ r"""Pressure that follows the deformed surface: its part in residual and tangent
 .. math:: f_a(u) = -p \int_{Γ(u)} N_a \, n \, dS
 
 and its derivative with respect to u, which the tangent of the body lacks, are those of
-`shared_schema.common.bodies.facet_quadrature`. A facet of a quadratic element is deformed with all
+`shared_schema.common.bodies.distributed_loads`. A facet of a quadratic element is deformed with all
 its points.
 """
 
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from shared_schema.common.bodies.facet_quadrature import facet_derivatives, pressure_forces
+from shared_schema.common.bodies.distributed_loads import facet_derivatives, pressure_forces
 
 Array = NDArray[np.float64]
 

@@ -3,7 +3,7 @@ r"""Newton's method (PETSc SNES) for R(u) = 0.
 .. math:: K(u_k) \, Δu_k = -R(u_k), \qquad u_{k+1} = u_k + Δu_k, \qquad K = ∂R/∂u
 
 The iteration ends when :math:`‖R‖_2` is at most the tolerance
-(`shared_schema.common.bodies.force_tolerance`).
+(`shared_schema.common.bodies.equilibrium`).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from datagen.solver.linear_solver import (
     set_up_preconditioned,
 )
 from datagen.solver.settings import SolverSettings
-from shared_schema.common.bodies.force_tolerance import RoundOff
+from shared_schema.common.bodies.equilibrium import RoundOff
 
 EXACT = 1e-10  # relative tolerance of Krylov iterations under loads that rounding may hide
 PREDICTING = 1e-4  # of those of nearly incompressible cells

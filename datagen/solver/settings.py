@@ -7,7 +7,7 @@ from typing import Any, Literal
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from shared_schema.common.configuration import Frozen
-from shared_schema.common.keys.quantities import Seed
+from shared_schema.common.units import Seed
 
 LinearSolver = Literal["auto", "lu", "multigrid", "corotated"]
 Stability = Literal["follow", "fail", "allow"]
@@ -23,7 +23,7 @@ class SolverSettings(Frozen):
     relative_tolerance : float
         Tolerance on the 2-norm of the residual, as a fraction of that of the external forces. The
         residual need not fall below what rounding leaves of it
-        (`shared_schema.common.bodies.force_tolerance`).
+        (`shared_schema.common.bodies.equilibrium`).
     max_iterations : int
         Largest number of Newton iterations in one load step.
     wanted_iterations : int

@@ -33,8 +33,7 @@ from petsc4py import PETSc
 from datagen.solver.drag import Drag
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.stability.inertia import GROWTH, metric_of, shifted, unstable_modes
-from shared_schema.common.bodies.force_tolerance import mean_edge
-from shared_schema.common.bodies.imperfection import imperfection
+from shared_schema.common.bodies.equilibrium import imperfection, mean_edge
 
 INVERSE_ITERATIONS = 30
 AMPLITUDE = 0.1  # of the disturbance over the size of a cell

@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from datagen.transforms.claim_folder import claim_folder, locked, remove_other_shards
-from shared_schema.common.arguments.checked_arguments import checked_arguments
+from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.errors import InputError
-from shared_schema.common.keys.quantities import LARGEST_SEED
-from shared_schema.common.keys.units import Units
 from shared_schema.common.progress import Progress
+from shared_schema.common.units import LARGEST_SEED, Units
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.layout import Arrays
 from shared_schema.manifest import Manifest, write_manifest

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from shared_schema.common.atomic_file import PARTIAL, remove_partial_files, require_writable
 from shared_schema.common.errors import InputError
+from shared_schema.common.files import PARTIAL, remove_partial_files, require_writable
 from shared_schema.common.folder_lock import LOCK, FolderLock
 from shared_schema.manifest import MANIFEST, Manifest, ShardEntry, read_manifest
 from shared_schema.stiffness import STIFFNESS_FILE

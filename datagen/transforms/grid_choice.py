@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from datagen.transforms.embedding import embed
-from shared_schema.common.bodies.raw_mesh import RawMesh
+from shared_schema.common.bodies.groups import RawMesh
 from shared_schema.common.errors import InputError
-from shared_schema.common.memory import require_memory
+from shared_schema.common.machine import require_memory
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.grid import Grid
 

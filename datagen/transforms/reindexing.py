@@ -23,13 +23,12 @@ from datagen.transforms.grid_choice import (
 )
 from datagen.transforms.running_statistics import RunningStatistics
 from shared_schema.checker import require_intact
-from shared_schema.common.arguments.checked_arguments import checked_arguments
+from shared_schema.common.arguments import checked_arguments
+from shared_schema.common.bodies.nodal_forces import scatter_forces
 from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError
-from shared_schema.common.keys.quantities import LARGEST_SEED
-from shared_schema.common.keys.units import Units
-from shared_schema.common.nodal_forces import scatter_forces
 from shared_schema.common.progress import Progress
+from shared_schema.common.units import LARGEST_SEED, Units
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.grid import Grid, grid_arrays
 from shared_schema.layout import Arrays

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 from shared_schema.common.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from shared_schema.common.atomic_file import complete_or_absent, require_writable, write_text
-    from shared_schema.common.changed_keys import changed, source_of
+    from shared_schema.common.bodies.nodal_forces import scatter_forces
     from shared_schema.common.command_line import (
         Commands,
         Parser,
@@ -18,11 +17,17 @@ if TYPE_CHECKING:
         make_parser,
         run_command,
     )
-    from shared_schema.common.configuration import Frozen, read_named, read_yaml, validate
+    from shared_schema.common.configuration import (
+        Frozen,
+        changed,
+        read_named,
+        read_yaml,
+        source_of,
+        validate,
+    )
     from shared_schema.common.errors import InputError, WorkError
-    from shared_schema.common.memory import largest_resident
-    from shared_schema.common.nodal_forces import scatter_forces
-    from shared_schema.common.processor_name import processor
+    from shared_schema.common.files import complete_or_absent, require_writable, write_text
+    from shared_schema.common.machine import largest_resident, processor
     from shared_schema.common.progress import Progress
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""Common code of both command lines: running a command, exit codes, progress."""
+"""Common code of both command lines: parsers, exit codes, options that name loads, tables."""
 
 from __future__ import annotations
 
@@ -245,3 +245,70 @@ def run_command(program: str, command: Callable[[], None], speaks: bool = True) 
             print(f"{program}: stopped; resume with the same command", file=sys.stderr)
         return FAILED
     return DONE
+
+
+def laid_out(rows: Iterable[Sequence[str]]) -> str:
+    """Lay out a table, one line a row; every column is as wide as its widest cell."""
+    cells = [list(row) for row in rows]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    lines = (
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True))
+        for row in cells
+    )
+    return "\n".join(line.rstrip() for line in lines)
+
+
+STRESSES = "add stresses, strain energy and reactions"
+
+
+def add_held(parser: argparse.ArgumentParser) -> None:
+    """Add ``--hold``."""
+    parser.add_argument(
+        "--hold",
+        dest="held",
+        action="append",
+        default=[],
+        metavar="X,Y[,Z]|GROUP:UX,UY[,UZ]",
+        help="displacement in m of the node at X,Y[,Z] or of a group, - for a free component; "
+        "repeatable",
+    )
+
+
+def add_tool(parser: argparse.ArgumentParser) -> None:
+    """Add ``--tool``."""
+    forms = "sphere:X,Y[,Z]:R|capsule:X,Y[,Z]:X,Y[,Z]:R|plane:X,Y[,Z]:NX,NY[,NZ]|mesh:FILE"
+    parser.add_argument(
+        "--tool",
+        metavar=forms,
+        help="rigid tool that the surface of the body keeps out of, in m; a plane "
+        "has the normal that points out of it",
+    )
+
+
+def add_loads(parser: argparse.ArgumentParser) -> None:
+    """Add ``--load``, ``--forces``, ``--body-force`` and ``--nearest``."""
+    parser.add_argument(
+        "--load",
+        action="append",
+        default=[],
+        metavar="X,Y[,Z][,R]|GROUP:FX,FY[,FZ]",
+        help="force in N at the node at X,Y[,Z] in m, or spread smoothly over the surface within R "
+        "m of this place, or on a group of the mesh, uniform over its cells or facets; GROUP:P is "
+        "a pressure in Pa; repeatable",
+    )
+    parser.add_argument(
+        "--forces",
+        action="append",
+        default=[],
+        type=Path,
+        metavar="FILE.(npz|csv)",
+        help="forces of a solution file, or lines X,Y[,Z],FX,FY[,FZ]; repeatable",
+    )
+    parser.add_argument(
+        "--body-force",
+        metavar="BX,BY[,BZ]",
+        help="force in N per m³ of the undeformed body, such as its weight 0,0,-9810",
+    )
+    parser.add_argument(
+        "--nearest", action="store_true", help="let forces act at the nearest node, and say which"
+    )

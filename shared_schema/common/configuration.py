@@ -1,9 +1,17 @@
-"""Frozen configuration models: an unknown key, a wrong type or a value out of range is an error."""
+"""Configurations: YAML files, checked by frozen models.
+
+- An unknown key, a key that occurs twice, a wrong type or a value out of range is an error; numbers
+  are those of YAML 1.2, and aliases cannot repeat values without end.
+- YAML files that come with a program are found by name from any folder.
+- ``--set training.epochs=20`` gives new values of single keys.
+- Two configurations are compared key by key.
+"""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar, get_origin
@@ -12,7 +20,6 @@ import yaml
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError, model_validator
 
 from shared_schema.common.errors import InputError
-from shared_schema.common.yaml_reader import yaml_content
 
 logger = logging.getLogger(__name__)
 LARGEST_FILE = 1 << 20  # bytes of a YAML file
@@ -213,3 +220,209 @@ def _message(key: str, problem: Any) -> str:
     value = problem["input"]
     found = "" if isinstance(value, (dict, list, tuple, BaseModel)) else f" = {value!r}"
     return f"key '{key}'{found}: {message[:1].lower()}{message[1:]}"
+
+
+MOST_VALUES = 100_000  # of a file, values that aliases and merge keys repeat counted each time
+MERGE = "<<"
+WHOLE = re.compile(r"^[-+]?[0-9][0-9_]*$")
+NUMBER = re.compile(r"^[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)[eE][-+]?[0-9]+$")
+
+
+class _Loader(yaml.SafeLoader):
+    """Safe loader that reads numbers as YAML 1.2 does.
+
+    For YAML 1.1, 1e-3 is text, 010 is 8, and 1:30 is 90.
+    """
+
+
+def _whole_number(loader: _Loader, node: yaml.ScalarNode) -> int | str:
+    if ":" in node.value:
+        return str(node.value)
+    return int(node.value, 10) if WHOLE.match(node.value) else loader.construct_yaml_int(node)
+
+
+def _number(loader: _Loader, node: yaml.ScalarNode) -> float | str:
+    return str(node.value) if ":" in node.value else loader.construct_yaml_float(node)
+
+
+_Loader.add_implicit_resolver("tag:yaml.org,2002:float", NUMBER, list("-+.0123456789"))
+_Loader.add_constructor("tag:yaml.org,2002:int", _whole_number)
+_Loader.add_constructor("tag:yaml.org,2002:float", _number)
+
+
+def yaml_content(text: str) -> Any:
+    """Read a YAML document of plain data.
+
+    Raises
+    ------
+    yaml.YAMLError
+        If the text is not valid YAML, a key is no name or occurs twice, a value contains itself, or
+        aliases repeat values so often that there are more than `MOST_VALUES`.
+    """
+    loader = _Loader(text)
+    try:
+        node = loader.get_single_node()
+        if node is None:
+            return None
+        _count(node, {})
+        return loader.construct_document(node)
+    finally:
+        loader.dispose()
+
+
+def _count(node: yaml.Node, counted: dict[int, int]) -> int:
+    """Number of values in a node, repeated ones each time; YAMLError if there are too many."""
+    if isinstance(node, yaml.ScalarNode):
+        return 1
+    if id(node) in counted:
+        if counted[id(node)] == 0:
+            raise _problem("a value contains itself", node)
+        return counted[id(node)]
+    counted[id(node)] = 0
+    parts = list(node.value)
+    if isinstance(node, yaml.MappingNode):
+        keys: set[str] = set()
+        for key, _ in node.value:
+            if not isinstance(key, yaml.ScalarNode):
+                raise _problem("a list or a mapping as a key, expected a name", key)
+            if key.value in keys:
+                raise _problem(f"key '{key.value}' occurs twice", key)
+            if key.value != MERGE:
+                keys.add(key.value)
+        parts = [part for pair in node.value for part in pair]
+    total = 1 + sum(_count(part, counted) for part in parts)
+    if total > MOST_VALUES:
+        raise _problem(f"more than {MOST_VALUES} values, with those that aliases repeat", node)
+    counted[id(node)] = total
+    return total
+
+
+def _problem(text: str, node: yaml.Node) -> yaml.YAMLError:
+    return yaml.constructor.ConstructorError(None, None, text, node.start_mark)
+
+
+PARENTHESES = re.compile(r"\s*\([^)]*\)")
+END_OF_LINE = re.compile(r"[:;](?=\s)|\.(?=\s|$)")
+
+
+def shipped_files(folder: Path) -> Iterator[tuple[str, dict[str, Any], str]]:
+    """Yield name, content and one line of every YAML file of a folder, sorted by name."""
+    for path in sorted(folder.glob("*.yaml")):
+        yield path.stem, read_yaml(path), one_line(path.read_text(encoding="utf-8"))
+
+
+def names_in(folder: Path) -> list[str]:
+    """Return the names of the YAML files of a folder, sorted."""
+    return sorted(path.stem for path in folder.glob("*.yaml"))
+
+
+def one_line(text: str) -> str:
+    """Return the beginning of the comment at the head of a YAML file, without parentheses.
+
+    It ends before the first full stop, colon or semicolon.
+    """
+    lines = []
+    for line in text.splitlines():
+        if not line.startswith("#"):
+            break
+        lines.append(line.lstrip("# "))
+    comment = PARENTHESES.sub("", " ".join(lines))
+    end = END_OF_LINE.search(comment)
+    return comment[: end.start()] if end else comment
+
+
+def changed(content: dict[str, Any], changes: Sequence[str]) -> dict[str, Any]:
+    """Return the content of a YAML file with other values of some keys.
+
+    Parameters
+    ----------
+    content : dict
+        Content of the file; not changed.
+    changes : sequence of str
+        Texts ``KEY=VALUE``. The parts of a key are separated by points, and a number counts the
+        entries of a list from 0. A value is YAML, and may be a mapping or a list.
+
+    Raises
+    ------
+    InputError
+        If a text is no ``KEY=VALUE``, a value is not valid YAML, or a key leads into a value that
+        has no such part.
+    """
+    for change in changes:
+        key, equals, text = change.partition("=")
+        parts = key.strip().split(".")
+        if not (equals and all(parts)):
+            raise InputError(f"--set '{change}': expected KEY=VALUE, such as training.epochs=20")
+        try:
+            value = yaml_content(text)
+        except (yaml.YAMLError, ValueError, RecursionError) as error:
+            reason = " ".join(str(error).split())
+            raise InputError(f"--set '{change}': not valid YAML ({reason})") from None
+        try:
+            content = _with(content, parts, value)
+        except ValueError as error:
+            raise InputError(f"--set '{change}': {error}") from None
+    return content
+
+
+def _with(content: Any, parts: list[str], value: Any, above: str = "") -> Any:
+    """Return a copy of nested mappings and lists with another value at one place."""
+    if not parts:
+        return value
+    part, *rest = parts
+    here = f"{above}.{part}".strip(".")
+    if isinstance(content, dict):
+        return {**content, part: _with(content.get(part, {}), rest, value, here)}
+    if isinstance(content, list):
+        if not (part.isdecimal() and int(part) < len(content)):
+            last = len(content) - 1
+            raise ValueError(f"key '{here}': expected a number from 0 to {last} after '{above}'")
+        place = int(part)
+        return [*content[:place], _with(content[place], rest, value, here), *content[place + 1 :]]
+    raise ValueError(f"key '{here}': '{above}' = {content!r} has no parts")
+
+
+def source_of(source: str, changes: Sequence[str]) -> str:
+    """Name a file and the changes of its keys, for error messages."""
+    return " ".join([source, *(f"--set {change}" for change in changes)])
+
+
+LONGEST = 200  # characters of a value in a message
+
+
+def differences(
+    old: Mapping[str, Any], new: Mapping[str, Any], above: str = ""
+) -> dict[str, tuple[Any, Any]]:
+    """Return old and new value of every key that differs, None where a mapping lacks it.
+
+    Parameters
+    ----------
+    old, new : mapping
+        Keys of mappings in them are joined by points.
+    above : str
+        What stands before every key.
+
+    Returns
+    -------
+    dict of str to tuple
+        In the order of `old`, then of `new`.
+    """
+    found: dict[str, tuple[Any, Any]] = {}
+    for key in [*old, *(key for key in new if key not in old)]:
+        a, b = old.get(key), new.get(key)
+        if isinstance(a, dict) and isinstance(b, dict):
+            found |= differences(a, b, f"{above}{key}.")
+        elif a != b:
+            found[above + key] = (a, b)
+    return found
+
+
+def difference_text(key: str, old: Any, new: Any) -> str:
+    """Say how a key differs from what a folder has."""
+    return f"{key} = {_short(new)}, the folder has {_short(old)}"
+
+
+def _short(value: Any) -> str:
+    """Write a value, the beginning of it if it is long, such as a list of nodes."""
+    text = repr(value)
+    return text if len(text) <= LONGEST else text[:LONGEST] + " …"

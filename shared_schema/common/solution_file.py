@@ -2,7 +2,7 @@
 
 ``.npz`` has ``coordinates`` (n, d), ``force`` (n, d), ``displacement`` (n, d) and any further
 fields of nodes and cells under their names; and ``force_between`` (n_between, d), if the load has
-forces between the nodes (`shared_schema.common.bodies.quadratic.points_between`).
+forces between the nodes (`shared_schema.common.bodies.points_between`).
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from zipfile import BadZipFile, ZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.common.atomic_file import complete_or_absent
 from shared_schema.common.errors import InputError
+from shared_schema.common.files import complete_or_absent
 
 BETWEEN = "force_between"
 SUFFIXES = (".npz", ".vtu", ".xdmf")

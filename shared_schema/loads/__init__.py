@@ -1,4 +1,4 @@
-"""Load families, one a file: each draws load cases as a pure function of seed and sample number."""
+"""Load families: each draws load cases as a pure function of seed and sample number."""
 
 from shared_schema.loads.drawn_load import DrawnLoads
 from shared_schema.loads.family import LoadableNodes, LoadCase, LoadFamily, generator, load_family

@@ -13,9 +13,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from shared_schema.common.bodies.nodal_forces import sum_per_node
 from shared_schema.common.errors import InputError
-from shared_schema.common.keys.quantities import LARGEST_LENGTH, LARGEST_MAGNITUDE
-from shared_schema.common.nodal_forces import sum_per_node
+from shared_schema.common.units import LARGEST_LENGTH, LARGEST_MAGNITUDE
 from shared_schema.loads.family import LoadableNodes, LoadCase, LoadFamily
 from shared_schema.own_class import described, source_of
 from shared_schema.tools import Sphere

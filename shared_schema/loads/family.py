@@ -23,25 +23,25 @@ from pydantic import (
 
 from shared_schema.common.bodies.cells import outward_facets
 from shared_schema.common.bodies.groups import GroupParts, cells_in, facets_in
-from shared_schema.common.bodies.quadratic.points_between import PointsBetween
+from shared_schema.common.bodies.points_between import PointsBetween
 from shared_schema.common.configuration import Frozen, absent, first_problem
-from shared_schema.common.keys.quantities import Magnitude
+from shared_schema.common.units import Magnitude
 from shared_schema.loads.regions import Region
 from shared_schema.own_class import import_named
 from shared_schema.tools import Sphere
 
 SHIPPED = {
-    "random_node": "shared_schema.loads.random_node:RandomNode",
-    "random_nodes": "shared_schema.loads.random_nodes:RandomNodes",
-    "each_node": "shared_schema.loads.each_node:EachNode",
-    "given": "shared_schema.loads.given:GivenLoads",
-    "sweep": "shared_schema.loads.sweep:Sweep",
-    "traction": "shared_schema.loads.traction:Traction",
-    "traction_patch": "shared_schema.loads.traction_patch:TractionPatch",
-    "body_force": "shared_schema.loads.body_force:BodyForce",
-    "pressure": "shared_schema.loads.pressure:Pressure",
-    "displacement": "shared_schema.loads.displacement:Displacement",
-    "tool": "shared_schema.loads.tool:ToolPress",
+    "random_node": "shared_schema.loads.forces_at_nodes:RandomNode",
+    "random_nodes": "shared_schema.loads.forces_at_nodes:RandomNodes",
+    "each_node": "shared_schema.loads.forces_at_nodes:EachNode",
+    "given": "shared_schema.loads.forces_at_nodes:GivenLoads",
+    "sweep": "shared_schema.loads.forces_at_nodes:Sweep",
+    "traction": "shared_schema.loads.distributed_forces:Traction",
+    "traction_patch": "shared_schema.loads.distributed_forces:TractionPatch",
+    "body_force": "shared_schema.loads.distributed_forces:BodyForce",
+    "pressure": "shared_schema.loads.distributed_forces:Pressure",
+    "displacement": "shared_schema.loads.displacement_and_tool:Displacement",
+    "tool": "shared_schema.loads.displacement_and_tool:ToolPress",
 }
 
 
@@ -178,7 +178,7 @@ class LoadCase:
         Rigid ball that the body keeps out of, of a family that `touches` it.
     between : array, (n_between, d), optional
         Forces between the nodes of quadratic elements in N
-        (`shared_schema.common.bodies.quadratic.points_between`); by default there are none, and
+        (`shared_schema.common.bodies.points_between`); by default there are none, and
         the forces are those of points, the corners of cells.
     """
 

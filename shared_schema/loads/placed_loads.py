@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.common.bodies.cells import boundary_facets
-from shared_schema.common.bodies.groups import GroupParts, groups_of_sides
-from shared_schema.common.bodies.quadratic.points_between import PointsBetween
-from shared_schema.common.bodies.raw_mesh import RawMesh
+from shared_schema.common.bodies.groups import GroupParts, RawMesh, groups_of_sides
+from shared_schema.common.bodies.points_between import PointsBetween
 from shared_schema.common.errors import InputError
 from shared_schema.loads.family import LoadableNodes, LoadFamily
 from shared_schema.loads.regions import Region

@@ -9,11 +9,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.common.bodies.facet_quadrature import pressure_forces
-from shared_schema.common.bodies.quadratic.points_between import PointsBetween
+from shared_schema.common.bodies.distributed_loads import pressure_forces
+from shared_schema.common.bodies.nodal_forces import scatter_forces, sum_per_node
+from shared_schema.common.bodies.points_between import PointsBetween
 from shared_schema.common.errors import InputError
-from shared_schema.common.keys.quantities import LARGEST_SEED
-from shared_schema.common.nodal_forces import scatter_forces, sum_per_node
+from shared_schema.common.units import LARGEST_SEED
 from shared_schema.loads.drawn_load import DrawnLoads
 from shared_schema.loads.family import LoadableNodes, LoadFamily
 from shared_schema.tools import Sphere

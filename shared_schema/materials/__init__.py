@@ -5,19 +5,41 @@ A material is hyperelastic. The formula of its energy stands here once, as a fun
 stiffness at rest follows from it.
 """
 
-from shared_schema.materials.at_rest import AtRest, at_rest
-from shared_schema.materials.fibre_reinforced import Guccione, HolzapfelGasserOgden
-from shared_schema.materials.fibres import FibreFile, FibreReinforced, Fibres, WithFibres
+from shared_schema.materials.fibre_reinforced import (
+    FibreFile,
+    FibreReinforced,
+    Fibres,
+    Guccione,
+    HolzapfelGasserOgden,
+    WithFibres,
+)
 from shared_schema.materials.isotropic import (
     VOLUMETRIC_TERMS,
+    ArrudaBoyce,
+    Gent,
+    MooneyRivlin,
     NeoHookean,
+    Ogden,
+    RubberLike,
     StVenantKirchhoff,
     Volumetric,
     VolumetricTerm,
+    Yeoh,
     YoungPoisson,
+    trace_of_power,
 )
-from shared_schema.materials.material import LARGEST_MODULUS, Material
-from shared_schema.materials.ogden import Ogden, trace_of_power
+from shared_schema.materials.material import (
+    ARRAYS,
+    LARGEST_MODULUS,
+    ZERO,
+    AtRest,
+    FibreInvariants,
+    Functions,
+    Invariants,
+    Material,
+    Scalar,
+    at_rest,
+)
 from shared_schema.materials.own_material import OwnMaterial, RecordedMaterial
 from shared_schema.materials.reading import (
     SHIPPED,
@@ -27,15 +49,6 @@ from shared_schema.materials.reading import (
     materials_of,
     ratio_at_rest,
     shipped_material,
-)
-from shared_schema.materials.rubber_like import ArrudaBoyce, Gent, MooneyRivlin, RubberLike, Yeoh
-from shared_schema.materials.signature import (
-    ARRAYS,
-    ZERO,
-    FibreInvariants,
-    Functions,
-    Invariants,
-    Scalar,
 )
 
 ShippedMaterial = Material

@@ -10,13 +10,23 @@ from pydantic import ValidationError
 
 from shared_schema.common.configuration import first_problem
 from shared_schema.common.errors import InputError
-from shared_schema.materials.fibre_reinforced import Guccione, HolzapfelGasserOgden
-from shared_schema.materials.fibres import FibreFile, WithFibres
-from shared_schema.materials.isotropic import NeoHookean, StVenantKirchhoff
+from shared_schema.materials.fibre_reinforced import (
+    FibreFile,
+    Guccione,
+    HolzapfelGasserOgden,
+    WithFibres,
+)
+from shared_schema.materials.isotropic import (
+    ArrudaBoyce,
+    Gent,
+    MooneyRivlin,
+    NeoHookean,
+    Ogden,
+    StVenantKirchhoff,
+    Yeoh,
+)
 from shared_schema.materials.material import Material
-from shared_schema.materials.ogden import Ogden
 from shared_schema.materials.own_material import OwnMaterial, RecordedMaterial, with_record
-from shared_schema.materials.rubber_like import ArrudaBoyce, Gent, MooneyRivlin, Yeoh
 from shared_schema.own_class import import_named
 
 Materials: TypeAlias = Material | tuple[Material, ...]

@@ -10,18 +10,43 @@ surface is rounded by r, so that its edges have a normal that turns smoothly.
 
 from __future__ import annotations
 
+import io
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from shared_schema.common.errors import InputError
-from shared_schema.point_tree import PointTree
-from shared_schema.tools.meshio_reader import read_by_meshio
+from shared_schema.common.errors import InputError, first_line
+from shared_schema.points_in_cells import PointTree
 from shared_schema.tools.tool import MOST, Tool, require_points
+
+
+def read_by_meshio(path: Path) -> Any:
+    """Read a file: a ``meshio.Mesh``.
+
+    Raises
+    ------
+    ValueError
+        If meshio cannot read it, with the reason, which meshio prints before it exits.
+    """
+    import meshio
+
+    said = io.StringIO()
+    try:
+        # what meshio tries of a text file may be no number
+        with np.errstate(over="ignore"), redirect_stdout(said), redirect_stderr(io.StringIO()):
+            return meshio.read(path)
+    except (Exception, SystemExit) as error:
+        name = "" if isinstance(error, (ValueError, SystemExit)) else f"{type(error).__name__}: "
+        reason = " ".join(said.getvalue().split()) or name + first_line(error)
+        if isinstance(error, SystemExit) and not said.getvalue().strip():
+            reason = "not a file of the format that its name says"
+        raise ValueError(reason) from None
+
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 
 from shared_schema.common.errors import InputError
 from shared_schema.tools.closed_surface import Mesh
-from shared_schema.tools.shapes import Capsule, Plane, Sphere
-from shared_schema.tools.tool import Tool
+from shared_schema.tools.tool import Capsule, Plane, Sphere, Tool
 
 Numbers = tuple[float, ...]
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from shared_schema.common.bodies.load_options import add_loads, add_tool
-from shared_schema.common.command_line import Commands, add_command
+from shared_schema.common.command_line import Commands, add_command, add_loads, add_tool
 from surrogate.command_options import add_device, add_out, add_run, positive, relative, share
 
 UNKNOWN = (
@@ -52,7 +51,7 @@ def add_to(commands: Commands) -> None:
 def run(options: argparse.Namespace) -> None:
     """Identify, write the fields, and print what is found."""
     import surrogate
-    from shared_schema.common.atomic_file import require_writable
+    from shared_schema.common.files import require_writable
     from shared_schema.common.solution_file import require_suffix
 
     require_suffix(options.out)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from shared_schema.common.atomic_file import require_writable, write_text
 from shared_schema.common.command_line import Commands, add_command
+from shared_schema.common.files import require_writable, write_text
 
 LIKELIHOODS = ("deterministic", "maximum_likelihood", "variational_bayes")
 

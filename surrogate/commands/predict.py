@@ -4,8 +4,14 @@ from __future__ import annotations
 
 import argparse
 
-from shared_schema.common.bodies.load_options import STRESSES, add_held, add_loads, add_tool
-from shared_schema.common.command_line import Commands, add_command
+from shared_schema.common.command_line import (
+    STRESSES,
+    Commands,
+    add_command,
+    add_held,
+    add_loads,
+    add_tool,
+)
 from surrogate.command_options import add_device, add_out, add_passes, add_run, positive, share
 
 CERTIFY = (
@@ -77,8 +83,8 @@ def moduli(text: str) -> float | dict[str, float]:
 def run(options: argparse.Namespace) -> None:
     """Solve, write the fields, and say whether they are certified."""
     import surrogate
-    from shared_schema.common.atomic_file import require_writable
     from shared_schema.common.errors import NotCertifiedError
+    from shared_schema.common.files import require_writable
     from shared_schema.common.solution_file import require_suffix
 
     require_suffix(options.out)

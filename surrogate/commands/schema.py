@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from shared_schema.common.command_line import Commands, add_command
-from shared_schema.common.keys.schema_command import add_arguments, printed
+from shared_schema.common.configuration_keys import add_arguments, printed
 
 
 def add_to(commands: Commands) -> None:

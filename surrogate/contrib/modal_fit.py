@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from shared_schema.common.arguments.checked_arguments import checked_arguments
+from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.errors import InputError
 from surrogate.learning.inference.fresh_loads import loads_of
 from surrogate.learning.inference.modal_cubature import equilibrium_of, modes_of
@@ -94,7 +94,7 @@ def require_balance(surrogate: Surrogate) -> None:
         raise InputError(
             f"'{run.name}': key 'displacement_scale' = {run.displacement_scale}, expected global"
         )
-    solid = surrogate.body.equilibrium.solid
+    solid = surrogate.body.balanced().solid
     if type(solid) is not Solid:
         raise InputError("elements: expected standard ones, whose volumes change at every point")
     if solid.fibres is not None:

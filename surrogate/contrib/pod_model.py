@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 from torch import Tensor, nn
 
 from shared_schema.common.configuration import Frozen
-from shared_schema.common.memory import require_memory
+from shared_schema.common.machine import require_memory
 from surrogate.contrib.pod import GaussianProcessConfig, PODConfig, PODNetwork, RidgeConfig
 from surrogate.learning.data.samples import Samples
 from surrogate.learning.models.model import Gaussian, Model

@@ -21,7 +21,7 @@ import torch
 from torch import Tensor
 
 from shared_schema.common.errors import InputError
-from shared_schema.common.memory import require_memory
+from shared_schema.common.machine import require_memory
 from shared_schema.common.progress import Progress
 from surrogate.contrib.load_path import follow, neighbours, random_changes
 from surrogate.learning.data.dataset import Dataset

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from shared_schema.common.drawing.figure_style import NETWORK, REFERENCE, make_figure, styled
-from shared_schema.common.keys.units import SI, Units
+from shared_schema.common.units import SI, Units
 from surrogate.figures.field_figures import NODAL_ERROR, NODAL_STD
 from surrogate.learning.measures.error_metrics import ErrorMeasures
 

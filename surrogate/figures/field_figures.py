@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from shared_schema.common.drawing.figure_style import REFERENCE, legend_below, make_figure, styled
 from shared_schema.common.drawing.mesh_drawing import make_drawing
-from shared_schema.common.keys.units import Units
+from shared_schema.common.units import Units
 from surrogate.learning.measures.error_metrics import node_errors
 from surrogate.mechanics.body.geometry import Geometry
 

@@ -16,7 +16,7 @@ from shared_schema.common.drawing.figure_style import (
     make_figure,
     styled,
 )
-from shared_schema.common.keys.units import SI, Units
+from shared_schema.common.units import SI, Units
 from surrogate.figures.curve_colours import OTHER
 from surrogate.learning.measures.extrapolation import BAND, Extrapolation
 from surrogate.learning.measures.force_sweep import force_sweep

@@ -14,13 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from shared_schema.common.bodies.facet_quadrature import normals_of, shape_functions
-from shared_schema.common.bodies.quadratic.quadratic_cells import (
+from shared_schema.common.bodies.distributed_loads import normals_of, shape_functions
+from shared_schema.common.bodies.reference_cells import (
     LINEAR,
     quadratic_quadrature,
     quadratic_shape_gradients,
+    quadrature,
+    shape_gradients,
 )
-from shared_schema.common.bodies.reference_cells import quadrature, shape_gradients
 from surrogate.mechanics.energy.law import Law
 from surrogate.mechanics.energy.recording import Recording
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium

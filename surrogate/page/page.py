@@ -18,9 +18,9 @@ import torch
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from numpy.typing import NDArray
 
-from shared_schema.common.arguments.checked_arguments import checked_arguments
-from shared_schema.common.atomic_file import require_writable, write_text
+from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.errors import InputError
+from shared_schema.common.files import require_writable, write_text
 from shared_schema.common.solution_file import require_suffix
 from surrogate.learning.inference.export import require_packages
 from surrogate.learning.inference.loading import load

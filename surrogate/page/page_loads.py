@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array, vstack
 
-from shared_schema.common.bodies.cell_volumes import nodal_volumes
 from shared_schema.common.bodies.cells import boundary_facets
-from shared_schema.common.bodies.surface_patches import SurfacePatches
+from shared_schema.common.bodies.distributed_loads import SurfacePatches, nodal_volumes
 from shared_schema.common.errors import InputError
 from surrogate.learning.data.case_loads import families_of, region_of
 from surrogate.learning.inference.surrogate import Surrogate

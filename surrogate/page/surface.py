@@ -9,8 +9,13 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from shared_schema.common.bodies.cells import FACETS, boundary_facets
-from shared_schema.common.bodies.surface_edges import edges_of, sharp_edges, smooth_pairs
+from shared_schema.common.bodies.cells import (
+    FACETS,
+    boundary_facets,
+    edges_of,
+    sharp_edges,
+    smooth_pairs,
+)
 from shared_schema.common.errors import InputError
 from surrogate.mechanics.body.geometry import Geometry
 

@@ -9,8 +9,7 @@ from contextlib import contextmanager
 import torch
 
 from shared_schema.common.errors import InputError, first_line
-from shared_schema.common.memory import GIB, require_memory
-from shared_schema.common.processor_name import processor
+from shared_schema.common.machine import GIB, processor, require_memory
 
 __all__ = ["hardware"]
 

@@ -12,9 +12,8 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 from torch import Tensor
 
-from shared_schema.common.atomic_file import complete_or_absent
-from shared_schema.common.checksum import require_plain
 from shared_schema.common.errors import InputError, first_line
+from shared_schema.common.files import complete_or_absent, require_plain
 from surrogate.runtime.hardware import memory_errors
 
 Tensors = dict[str, Tensor]

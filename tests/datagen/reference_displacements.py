@@ -23,7 +23,7 @@ from datagen.cases.body import Body, make_body
 from datagen.cases.case import SHIPPED, Case, read_case
 from datagen.mesh.mesh_file import MeshFile
 from datagen.solver.load_stepping import solve_load_case
-from shared_schema.common.bodies.raw_mesh import RawMesh
+from shared_schema.common.bodies.groups import RawMesh
 from shared_schema.materials import VOLUMETRIC_TERMS
 
 FILE = Path(__file__).with_suffix(".json")

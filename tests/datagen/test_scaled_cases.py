@@ -15,7 +15,7 @@ from datagen.cases.case import SHIPPED, read_case
 from datagen.farm.farm import run
 from datagen.mesh.distributed_mesh import make_mesh
 from datagen.transforms.reindexing import structure
-from shared_schema.common.yaml_reader import yaml_content
+from shared_schema.common.configuration import yaml_content
 from shared_schema.grid import grid_of
 from shared_schema.layout import Arrays
 from shared_schema.shard import read_shard

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 
-from shared_schema.common.keys.key_list import Key
+from shared_schema.common.configuration_keys import Key
 from surrogate.command_line import _parser
 from surrogate.learning.models.kinds import kinds
 from surrogate.learning.models.training_config import TrainingConfig

@@ -17,12 +17,9 @@ ROOT = Path(__file__).parents[2]
 FACTORY = {"dolfinx", "ufl", "basix", "ffcx", "petsc4py", "mpi4py", "gmsh"}
 LEARNER = {"jinja2", "safetensors", "torch"}
 DRAWING = {  # modules outside `surrogate` that may import matplotlib
-    "shared_schema/common/drawing/deformed_figure.py",
+    "shared_schema/common/drawing/mesh_drawing.py",
     "shared_schema/common/drawing/drawing.py",
     "shared_schema/common/drawing/figure_style.py",
-    "shared_schema/common/drawing/mesh_drawing.py",
-    "shared_schema/common/drawing/plane_drawing.py",
-    "shared_schema/common/drawing/space_drawing.py",
     "datagen/output/dataset_figure.py",
     "datagen/solution.py",
 }
@@ -37,7 +34,7 @@ LAYERS = {  # packages and root modules; imports go downwards, or anywhere insid
     "shared_schema": [
         ["common"],
         ["own_class"],
-        ["materials", "tools", "point_tree", "points_in_cells", "layout", "unfinished", "manifest"],
+        ["materials", "tools", "points_in_cells", "layout", "manifest"],
         ["shard", "content_problems"],
         ["grid", "stiffness", "load_cases"],
         ["checker", "dataset_reader", "loads"],

@@ -11,7 +11,8 @@ import yaml
 
 import surrogate
 from shared_schema.common.bodies.command_loads import CommandLoads
-from shared_schema.common.bodies.force_tolerance import ForceTolerance
+from shared_schema.common.bodies.equilibrium import ForceTolerance
+from shared_schema.common.errors import InputError
 from shared_schema.materials import NeoHookean
 from surrogate.learning.data.nodal_dataset import read_nodal_dataset
 from surrogate.learning.runs.folder import RunFolder
@@ -76,7 +77,7 @@ import sys
 import numpy as np
 from mpi4py import MPI
 from datagen.mesh.distributed_mesh import distributed
-from shared_schema.common.bodies.raw_mesh import RawMesh
+from shared_schema.common.bodies.groups import RawMesh
 from datagen.output.cell_stresses import CellStresses
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import solve_load_case
@@ -245,5 +246,7 @@ def test_commands(element: str, ratio: float, force: str, tmp_path: Path) -> Non
         u = theirs["displacement"]
         np.testing.assert_allclose(ours["displacement"], u, rtol=0, atol=1e-5 * np.abs(u).max())
     assert certificates_of(RunFolder(run)) == "full, fast"
+    with pytest.raises(InputError, match=f"'{element}': proposed loads and refinement"):
+        surrogate.load(run).body.balanced()
     said = execute(SURROGATE, "predict", run, *load, "--certify", "fast", "--out", found, code=2)
     assert "--level 0.95: " in said.stderr  # too few held-out samples

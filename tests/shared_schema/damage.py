@@ -10,7 +10,7 @@ from typing import Any
 import h5py
 
 from shared_schema.checker import check_dataset
-from shared_schema.common.checksum import sha256
+from shared_schema.common.files import sha256
 from shared_schema.manifest import digest_of
 
 SHARD = "shard-00000.h5"

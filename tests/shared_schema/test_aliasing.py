@@ -21,7 +21,7 @@ from shared_schema import (
     Stiffness,
     tools,
 )
-from shared_schema.common.keys.units import SI
+from shared_schema.common.units import SI
 from shared_schema.materials import ARRAYS, Functions, Invariants, Material, Scalar
 from tests.aliasing import public_functions, public_names, require_no_aliases
 from tests.closed_surfaces import surface_file
@@ -118,7 +118,7 @@ def stiffness(given: Given) -> Stiffness:
 
 def written_cases(world: World, given: Given) -> Path:
     cases = LoadCases.of(given["nodal"][0], given["nodal"])
-    shared_schema.write_load_cases(world.folder / "loads.h5", cases, "quad")
+    shared_schema.write_load_cases(world.folder / "loads.h5", cases, "0" * 64, "quad")
     return world.folder / "loads.h5"
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from shared_schema.common.bodies.command_loads import CommandLoads, LoadedBody, command_loads
-from shared_schema.common.bodies.quadratic.points_between import PointsBetween
+from shared_schema.common.bodies.points_between import PointsBetween
 from shared_schema.common.errors import InputError
 from shared_schema.common.solution_file import write_solution
 

@@ -8,9 +8,16 @@ import pytest
 from pydantic import Field, TypeAdapter
 
 from shared_schema.common.configuration import Frozen
-from shared_schema.common.keys.json_schema import json_schema
-from shared_schema.common.keys.key_list import Key, as_markdown, as_text, keys_of
-from shared_schema.common.keys.meanings import meanings_of, summary_of, unit_of
+from shared_schema.common.configuration_keys import (
+    Key,
+    as_markdown,
+    as_text,
+    json_schema,
+    keys_of,
+    meanings_of,
+    summary_of,
+    unit_of,
+)
 
 
 class Base(Frozen):

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from shared_schema.common.atomic_file import write_text
 from shared_schema.common.errors import InputError
+from shared_schema.common.files import write_text
 from shared_schema.manifest import digest_of, read_manifest, write_manifest
 
 

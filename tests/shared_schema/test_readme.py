@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import shared_schema
-from shared_schema.common.nodal_forces import scatter_forces
+from shared_schema.common.bodies.nodal_forces import scatter_forces
 from shared_schema.dataset_reader import DatasetReader
 
 pytestmark = pytest.mark.docs

@@ -12,8 +12,8 @@ import h5py
 import numpy as np
 import pytest
 
-from shared_schema.common.checksum import sha256
 from shared_schema.common.errors import InputError
+from shared_schema.common.files import sha256
 from shared_schema.layout import LAYOUTS, SCHEMA_VERSION, Arrays, Kind
 from shared_schema.shard import read_attributes, read_shard, write_shard
 

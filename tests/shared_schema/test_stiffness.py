@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from shared_schema.checker import check_dataset, require_intact
-from shared_schema.common.checksum import sha256
 from shared_schema.common.errors import InputError
+from shared_schema.common.files import sha256
 from shared_schema.manifest import read_manifest, write_manifest
 from shared_schema.stiffness import (
     STIFFNESS_FILE,

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 import surrogate
 from shared_schema.common.errors import InputError
-from shared_schema.common.keys.units import SI
+from shared_schema.common.units import SI
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.tools import Sphere
 from surrogate.learning.inference.training_range import TrainingRange
@@ -114,6 +114,14 @@ class World:
         return surrogate.compare([self.run], dataset=self.dataset, passes=2)
 
     @cached_property
+    def curve(self) -> surrogate.LearningCurve:
+        return surrogate.LearningCurve(run_config({**CONFIG, "case": "beam2d"}), (), None)
+
+    @cached_property
+    def proposal(self) -> surrogate.Proposal:
+        return surrogate.propose(self.model, 2, among=4, family=FAMILY)
+
+    @cached_property
     def identification(self) -> surrogate.Identification:
         given = arguments()
         markers = surrogate.Markers.of(given["at rest"], given["seen"])
@@ -165,7 +173,7 @@ def tool(given: Given, lower: float = 0.0) -> Sphere:
 
 
 Call = Callable[[World, Given], Any]
-OF_BODIES = ["equilibrium", "is_small", "material", "units"]
+OF_BODIES = ["balanced", "equilibrium", "is_small", "material", "units"]
 OF_MODELS = ["fast_certificate", "fast_estimate"]
 OF_MODELS += ["bounds_of_components", "has_series", "is_probabilistic", "is_stochastic"]
 OF_MODELS += ["precision", "run"]
@@ -301,7 +309,7 @@ CALLS: dict[str, Call] = {
     ],
     "TouchFrame.nodes": lambda w, g: w.touch.move(tool(g)).nodes,
     "TouchFrame.reaction": lambda w, g: w.touch.move(tool(g)).reaction,
-    # identification
+    # identification and proposals
     "identify": lambda w, g: [
         surrogate.identify(
             w.model,
@@ -322,6 +330,9 @@ CALLS: dict[str, Call] = {
     "Markers.interpolation": lambda w, g: (
         surrogate.Markers(g["at rest"], g["seen"]).interpolation(w.model.geometry).data
     ),
+    "propose": lambda w, g: surrogate.propose(w.model, 2, among=4, family=FAMILY),
+    "Proposal.save": lambda w, g: w.proposal.save(w.folder / "loads.h5"),
+    "Proposal.summary": lambda w, g: w.proposal.summary(),
     # solutions
     "Solution.fields": lambda w, g: w.solution.fields(),
     "Solution.save": lambda w, g: w.solution.save(w.folder / "u.npz"),
@@ -422,6 +433,8 @@ CALLS: dict[str, Call] = {
     "compare": lambda w, g: surrogate.compare([w.run], dataset=w.dataset, passes=2).csv(),
     "Comparison.csv": lambda w, g: w.comparison.csv(),
     "Comparison.plot": lambda w, g: w.comparison.plot(),
+    "LearningCurve.as_json": lambda w, g: w.curve.as_json(),
+    "LearningCurve.outlook": lambda w, g: list(w.curve.outlook()),
     # lists
     "config_keys": lambda w, g: surrogate.config_keys(),
     "config_list": lambda w, g: surrogate.config_list(),
@@ -433,8 +446,10 @@ CALLS: dict[str, Call] = {
 NO_ARRAYS = {  # given paths and numbers alone, and returning what is in files
     "calibrate",
     "export",
+    "learning_curve",
     "read_config",
     "read_published",
+    "refine",
     "shelve",
     "write_page",
     "write_report",
@@ -442,6 +457,7 @@ NO_ARRAYS = {  # given paths and numbers alone, and returning what is in files
     "FastCertificate.serialised",
     "Intervals.read",
     "Intervals.serialised",
+    "LearningCurve.plot",
 }
 SHARED = {  # another name of what the caller owns, a part of the model, or a step of an estimate
     "Dataset.at_nodes",

@@ -416,7 +416,7 @@ def test_networks_larger_than_the_memory_are_refused(
 ) -> None:
     """The first network has 65536 channels at its coarsest level: 39 · 10⁹ weights a kernel."""
     if "pod" in change:  # 46 samples need 85 kB
-        monkeypatch.setattr("shared_schema.common.memory.available_memory", lambda: 80_000)
+        monkeypatch.setattr("shared_schema.common.machine.available_memory", lambda: 80_000)
         monkeypatch.setattr("surrogate.learning.data.dataset.require_memory", lambda *_: None)
     path = tmp_path / "large.yaml"
     path.write_text(yaml.safe_dump({"name": "large", "case": "beam2d", **change}))

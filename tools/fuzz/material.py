@@ -101,10 +101,22 @@ COMMANDS: Mapping[str, Command] = MappingProxyType(
             ),
             ("predict", "surrogate", ("predict", "run", *LOAD, "--out", "u.npz"), ["run"]),
             (
+                "propose",
+                "surrogate",
+                ("propose", "run", "--count", "3", "--out", "worst.h5"),
+                ["run"],
+            ),
+            (
                 "given loads",
                 "datagen",
                 ("run", "case.yaml", "--loads", "loads.h5", "--out", "out"),
                 ["case.yaml", "loads.h5"],
+            ),
+            (
+                "refine",
+                "surrogate",
+                ("refine", "run", "--steps", "2", "--out", "out"),
+                ["run"],
             ),
             (
                 "export",

@@ -16,7 +16,7 @@ import numpy as np
 from datagen.cases.dataset_settings import DatasetSettings
 from datagen.contrib.plaid.interpreter import require_interpreter, run_script
 from datagen.transforms.reindexing import nodal_forces_of, split_of
-from shared_schema.common.arguments.checked_arguments import checked_arguments
+from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError
 from shared_schema.dataset_reader import DatasetReader

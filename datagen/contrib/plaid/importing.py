@@ -21,9 +21,8 @@ from datagen.contrib.plaid.interpreter import require_interpreter, run_script
 from datagen.farm.software_versions import software_versions
 from datagen.transforms.claim_folder import claim_folder, locked, remove_other_shards
 from datagen.transforms.reindexing import IMPORT
-from shared_schema.common.arguments.checked_arguments import checked_arguments
-from shared_schema.common.changed_keys import changed, source_of
-from shared_schema.common.configuration import validate
+from shared_schema.common.arguments import checked_arguments
+from shared_schema.common.configuration import changed, source_of, validate
 from shared_schema.common.errors import InputError
 from shared_schema.layout import NO_NODE, Arrays
 from shared_schema.manifest import (

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from datagen.mesh.group_names import Group
 from datagen.mesh.raw_mesh import raw_mesh
-from shared_schema.common.bodies.raw_mesh import RawMesh
+from shared_schema.common.bodies.groups import RawMesh
 
 SUFFIX = ".inp"
 SOLID = {4: "tetra", 5: "pyramid", 6: "wedge", 8: "hexahedron", 10: "tetra10", 15: "wedge15"}

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from datagen.mesh.gmsh_model import generate, gmsh_session, mesh_of
-from shared_schema.common.bodies.raw_mesh import RawMesh
+from shared_schema.common.bodies.groups import RawMesh
 
 IGES = (".iges", ".igs")
 SUFFIXES = (".step", ".stp", *IGES, ".brep")

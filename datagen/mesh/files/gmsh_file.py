@@ -12,7 +12,7 @@ import numpy as np
 from datagen.mesh.files.msh2_file import is_msh2, mesh_of_msh2
 from datagen.mesh.gmsh_model import generate, gmsh_session, mesh_of
 from datagen.mesh.raw_mesh import require_different
-from shared_schema.common.bodies.raw_mesh import RawMesh
+from shared_schema.common.bodies.groups import RawMesh
 
 SCRIPT, MESH = ".geo", ".msh"
 FORMAT = re.compile(rb"\$MeshFormat\s+\d+(?:\.\d+)?\s+([01])\s")

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from datagen.mesh.group_names import Group
 from datagen.mesh.raw_mesh import raw_mesh
-from shared_schema.common.bodies.raw_mesh import RawMesh
-from shared_schema.tools.meshio_reader import read_by_meshio
+from shared_schema.common.bodies.groups import RawMesh
+from shared_schema.tools.closed_surface import read_by_meshio
 
 NASTRAN = (".bdf", ".fem", ".nas")
 NUMBERED = (  # formats that number their nodes, which meshio does not tell

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from datagen.mesh.group_names import dimension_of
 from datagen.mesh.raw_mesh import raw_mesh, require_different
-from shared_schema.common.bodies.raw_mesh import RawMesh
+from shared_schema.common.bodies.groups import RawMesh
 
 Ints = NDArray[np.int64]
 FORMAT = re.compile(rb"\$MeshFormat\s+2(?:\.\d+)?\s+([01])\s+8[^\n]*\n")

@@ -17,7 +17,7 @@ from datagen.mesh.files.closed_shells import Body, bodies_of
 from datagen.mesh.gmsh_model import generate, gmsh_session
 from datagen.mesh.raw_mesh import raw_mesh
 from shared_schema.common.bodies.cells import boundary_facets, parts_of
-from shared_schema.common.bodies.raw_mesh import RawMesh
+from shared_schema.common.bodies.groups import RawMesh
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -5,7 +5,7 @@ text                         meaning
 ===========================  ======================================================================
 ``X,Y[,Z]:FX,FY[,FZ]``       a force in N at the node there, or at the nearest one (``--nearest``)
 ``X,Y[,Z],R:FX,FY[,FZ]``     a force in N that is spread smoothly over the surface within R m of the
-                             place (`shared_schema.common.bodies.surface_patches`)
+                             place (`shared_schema.common.bodies.distributed_loads`)
 ``GROUP:FX,FY[,FZ]``         a force in N on a named group of the mesh, distributed as a uniform
                              body force over its cells if it consists of cells, as a uniform
                              traction over its facets if it consists of these, or equally over its
@@ -23,7 +23,7 @@ a held component of a group or a patch is borne by the supports; what acts on a 
 given displacement, by what holds it.
 
 On quadratic elements, what is distributed over cells or facets acts on the points between the nodes
-as well (`shared_schema.common.bodies.quadratic.points_between`). A force at a node acts at the
+as well (`shared_schema.common.bodies.points_between`). A force at a node acts at the
 corner of cells, and so does what is distributed over the nodes of a group.
 """
 
@@ -38,17 +38,19 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.common.arguments.checked_arguments import require_type
-from shared_schema.common.arguments.real_numbers import real_numbers
-from shared_schema.common.arguments.text_lines import text_lines
-from shared_schema.common.bodies.cell_volumes import nodal_volumes
+from shared_schema.common.arguments import real_numbers, require_type
 from shared_schema.common.bodies.cells import boundary_facets, outward_facets
-from shared_schema.common.bodies.facet_quadrature import facet_shares, pressure_forces
+from shared_schema.common.bodies.distributed_loads import (
+    SurfacePatches,
+    facet_shares,
+    nodal_volumes,
+    pressure_forces,
+)
 from shared_schema.common.bodies.groups import GroupParts, cells_in, facets_in
-from shared_schema.common.bodies.point_load import RELATIVE_TOLERANCE, nodal_forces, node_at
-from shared_schema.common.bodies.quadratic.points_between import PointsBetween
-from shared_schema.common.bodies.surface_patches import SurfacePatches
+from shared_schema.common.bodies.nodal_forces import RELATIVE_TOLERANCE, nodal_forces, node_at
+from shared_schema.common.bodies.points_between import PointsBetween
 from shared_schema.common.errors import InputError
+from shared_schema.common.files import text_lines
 from shared_schema.common.solution_file import read_field, read_forces_between
 
 Array = NDArray[np.float64]

@@ -1,17 +1,22 @@
 r"""Cofactors of deformation gradients, and the rotations of their polar decompositions F = R U.
 
 Arrays, of NumPy or PyTorch, have the two axes of a tensor first, (d, d, …), so that every operation
-runs over all points.
+runs over all points. Functions of NumPy and PyTorch that have the same name do the same.
 """
 
 from __future__ import annotations
 
+import sys
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.common.arguments.array_library import library_of
+
+def library_of(values: Any) -> Any:
+    """NumPy of an array, PyTorch of a tensor."""
+    return np if isinstance(values, np.ndarray) else sys.modules["torch"]
+
 
 STEPS = {2: 1, 3: 3}  # of Newton's method; in the plane one step is exact
 

@@ -1,9 +1,16 @@
-"""What drawings in the plane and in space share: meshes, fields, marks, loads, limits."""
+"""What drawings in the plane and in space share: meshes, fields, marks, loads, limits.
+
+Loaded nodes that share cells form a patch. A patch of more than `FEW` nodes is a distributed load:
+it has one symbol with the resultant. If it holds nodes inside the body, it is a body force;
+otherwise it is a traction or a pressure on the faces between its nodes. A node of a patch whose
+force is more than `CONCENTRATED` times that of nine tenths of its patch has its own arrow.
+"""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,10 +19,132 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
-from shared_schema.common.drawing.drawn_mesh import Mesh, cells_of_faces, units_of
-from shared_schema.common.drawing.load_symbols import load_symbols
+from shared_schema.common.bodies.cells import FACETS, boundary_facets, components, edges_of
+from shared_schema.common.units import SI, Units
 
 Array = NDArray[np.float64]
+
+
+class Mesh(Protocol):
+    """The attributes of a mesh that a drawing needs."""
+
+    @property
+    def coordinates(self) -> Array:
+        """Node positions of the undeformed body, (n_nodes, d) in m."""
+
+    @property
+    def cells(self) -> NDArray[np.int64]:
+        """Node numbers of every cell, (n_cells, n_corners), VTK order."""
+
+    @property
+    def cell_type(self) -> str:
+        """Name of the cells in meshio."""
+
+
+def units_of(mesh: Mesh) -> Units:
+    """Units that a drawing of a mesh names: its attribute `units`, or metres and newtons."""
+    units = getattr(mesh, "units", SI)
+    return units if isinstance(units, Units) else SI
+
+
+def surface_faces(mesh: Mesh) -> NDArray[np.int64]:
+    """Faces that can be seen: the cells of a plane mesh, the boundary faces of one in space.
+
+    Returns
+    -------
+    array of int, (n_faces, n_corners)
+        Node numbers, going round each face.
+    """
+    if mesh.coordinates.shape[1] == 2:
+        return mesh.cells
+    return boundary_facets(mesh.cells, mesh.cell_type)
+
+
+def cells_of_faces(mesh: Mesh, faces: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Find the cell that each of the faces belongs to, (n_faces,); plane faces are the cells."""
+    kinds = FACETS[mesh.cell_type] if mesh.coordinates.shape[1] == 3 else [slice(None)]
+    every = np.concatenate([mesh.cells[:, kind] for kind in kinds])
+    rows = np.sort(np.concatenate([every, faces]), axis=1)
+    _, number = np.unique(rows, axis=0, return_inverse=True)
+    number = number.ravel()
+    cell_of = np.zeros(number.max() + 1, dtype=np.int64)
+    cell_of[number[: len(every)]] = np.tile(np.arange(len(mesh.cells)), len(kinds))
+    return np.asarray(cell_of[number[len(every) :]])
+
+
+def surface_edges(mesh: Mesh) -> NDArray[np.int64]:
+    """Edges of the surface's faces, each once: (n_edges, 2) node numbers."""
+    return each_once(edges_of(surface_faces(mesh)))
+
+
+def each_once(edges: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Edges, lower node number first, each once: (n_edges, 2)."""
+    return np.unique(np.sort(edges, axis=1), axis=0)
+
+
+FEW = 12  # nodes of a patch that have an arrow each
+CONCENTRATED, MOST = 10.0, 0.9
+
+
+@dataclass(frozen=True)
+class LoadSymbol:
+    """One load of a drawing.
+
+    Attributes
+    ----------
+    nodes : array of int, (n,)
+        Loaded nodes.
+    at : array, (d,)
+        Point of application in m: the mean position of the nodes, weighted by their forces.
+    force : array, (d,)
+        Resultant in N.
+    distributed : bool
+        Whether it is a distributed load.
+    inside : bool
+        Whether it also acts on nodes inside the body.
+    """
+
+    nodes: NDArray[np.int64]
+    at: Array
+    force: Array
+    distributed: bool = False
+    inside: bool = False
+
+
+def load_symbols(mesh: Mesh, x: Array, force: Array) -> list[LoadSymbol]:
+    """Find the symbols of nodal forces.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    x, force : array, (n_nodes, d)
+        Drawn positions of the nodes in m, and forces in N.
+    """
+    magnitude = np.linalg.norm(force, axis=1)
+    boundary = np.unique(boundary_facets(mesh.cells, mesh.cell_type))
+    symbols = []
+    for patch in _patches(mesh, magnitude > 0):
+        single = np.full(len(patch), len(patch) <= FEW)
+        single |= magnitude[patch] > CONCENTRATED * np.quantile(magnitude[patch], MOST)
+        symbols += [
+            LoadSymbol(patch[[i]], x[patch[i]], force[patch[i]]) for i in single.nonzero()[0]
+        ]
+        rest = patch[~single]
+        if len(rest):
+            at = np.average(x[rest], axis=0, weights=magnitude[rest])
+            inside = not np.isin(rest, boundary).all()
+            symbols.append(LoadSymbol(rest, at, force[rest].sum(axis=0), True, inside))
+    return symbols
+
+
+def _patches(mesh: Mesh, loaded: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
+    """Sets of loaded nodes that hang together by cells, in the order of their lowest nodes."""
+    cell, corner = np.nonzero(loaded[mesh.cells])
+    nodes, count = mesh.cells[cell, corner], len(loaded)
+    patch = components(nodes, count + cell, count + len(mesh.cells))[:count]
+    return [np.flatnonzero(loaded & (patch == number)) for number in np.unique(patch[loaded])]
+
+
 Extent = tuple[Array, Array]
 
 ARROW = 0.16  # length of the longest force's arrow, as a part of the body's size

@@ -11,7 +11,7 @@ from typing import Any, ParamSpec, TypeVar
 import matplotlib
 from matplotlib.figure import Figure
 
-from shared_schema.common.atomic_file import complete_or_absent
+from shared_schema.common.files import complete_or_absent
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")

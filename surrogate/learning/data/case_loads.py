@@ -14,9 +14,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.common.bodies.cell_volumes import nodal_volumes
 from shared_schema.common.bodies.cells import boundary_facets
-from shared_schema.common.bodies.surface_patches import SurfacePatches
+from shared_schema.common.bodies.distributed_loads import SurfacePatches, nodal_volumes
 from surrogate.learning.data.load_families import TRAINED, random_loads
 from surrogate.mechanics.body.geometry import Geometry
 

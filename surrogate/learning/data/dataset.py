@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from shared_schema.common.errors import InputError
-from shared_schema.common.memory import require_memory
+from shared_schema.common.machine import require_memory
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.grid import Grid
 from shared_schema.layout import Arrays

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from shared_schema.common.arguments.checked_arguments import checked_arguments
+from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import ComponentStatistics, digest_of
 from surrogate.learning.data.body_check import BODY_KEYS, require_same_body

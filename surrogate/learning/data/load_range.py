@@ -15,7 +15,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from shared_schema.common.bodies.facet_quadrature import area_vectors
+from shared_schema.common.bodies.distributed_loads import area_vectors
 from shared_schema.common.configuration import Frozen
 
 if TYPE_CHECKING:

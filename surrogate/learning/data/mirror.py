@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from shared_schema.common.errors import InputError
-from shared_schema.point_tree import PointTree
+from shared_schema.points_in_cells import PointTree
 from surrogate.learning.data.samples import Samples
 from surrogate.mechanics.body.geometry import Geometry
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from shared_schema.common.bodies.nodal_forces import scatter_forces
 from shared_schema.common.errors import InputError
-from shared_schema.common.nodal_forces import scatter_forces
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.manifest import Manifest
 

@@ -23,8 +23,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from shared_schema.common.bodies.nodal_forces import scatter_forces
 from shared_schema.common.errors import InputError
-from shared_schema.common.nodal_forces import scatter_forces
 from shared_schema.dataset_reader import DatasetReader, Selection
 from shared_schema.layout import Arrays
 from shared_schema.shard import read_arrays

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pydantic import Field
 
-from shared_schema.common.arguments.checked_arguments import checked_arguments
+from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.configuration import Frozen, read_yaml, validate
 
 

@@ -10,9 +10,9 @@ from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from shared_schema.common.arguments.checked_arguments import checked_arguments
+from shared_schema.common.arguments import checked_arguments
+from shared_schema.common.command_line import laid_out
 from shared_schema.common.errors import InputError
-from shared_schema.common.text_table import laid_out
 from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.evaluation.run_evaluation import evaluate
 from surrogate.learning.probabilistic.stochastic_passes import PASSES

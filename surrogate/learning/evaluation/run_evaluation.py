@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from shared_schema.common.arguments.checked_arguments import checked_arguments
+from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.errors import InputError
 from surrogate.learning.data.body_check import BODY_KEYS, BodyRecord, require_same_body
 from surrogate.learning.data.dataset import Dataset

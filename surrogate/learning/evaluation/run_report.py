@@ -14,10 +14,10 @@ from typing import Any
 import yaml
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, UndefinedError
 
-from shared_schema.common.arguments.checked_arguments import checked_arguments
-from shared_schema.common.atomic_file import require_writable, write_text
+from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.errors import InputError, first_line
-from shared_schema.common.keys.units import Units
+from shared_schema.common.files import require_writable, write_text
+from shared_schema.common.units import Units
 from shared_schema.dataset_reader import DatasetReader
 from surrogate.learning.evaluation.published import Published
 from surrogate.learning.runs.description import RunDescription

@@ -24,10 +24,10 @@ import torch
 from torch import Tensor, nn
 from torch.export import Dim, ExportedProgram
 
-from shared_schema.common.arguments.checked_arguments import checked_arguments
-from shared_schema.common.atomic_file import complete_or_absent, require_writable
+from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.errors import InputError, WorkError, first_line
-from shared_schema.common.memory import require_memory
+from shared_schema.common.files import complete_or_absent, require_writable
+from shared_schema.common.machine import require_memory
 from shared_schema.common.solution_file import require_suffix
 from surrogate.learning.data.load_families import random_loads
 from surrogate.learning.inference.loading import load

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from shared_schema.common.arguments.checked_arguments import checked_arguments
+from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.errors import InputError
-from shared_schema.common.memory import require_memory
+from shared_schema.common.machine import require_memory
 from surrogate.learning.data.load_families import TRAINED
 from surrogate.learning.inference.calibrated_bounds import HeldOut, fit_on_samples
 from surrogate.learning.inference.fresh_loads import drawn_loads
@@ -46,7 +46,7 @@ def calibrate(
     fresh : int
         Number of further loads, on which the bounds are measured.
     family : str
-        Random loads (`surrogate.learning.inference.fresh_loads`).
+        Random loads, as those of `surrogate.propose`.
     seed : int
         Of the loads, 0 or more.
 

@@ -8,7 +8,7 @@ from typing import Literal
 
 import torch
 
-from shared_schema.common.arguments.checked_arguments import checked_arguments
+from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.errors import InputError, first_line
 from surrogate.learning.inference.surrogate import Surrogate, make_surrogate
 from surrogate.learning.inference.touched_region import restore_columns

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.common.arguments.checked_arguments import checked_arguments
-from shared_schema.common.keys.units import SI, Units
+from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.solution_file import write_solution
+from shared_schema.common.units import SI, Units
 from surrogate.learning.probabilistic.distribution import Distribution
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.descent.driven_body import longest
@@ -76,7 +76,7 @@ class Solution:
         Largest error of a node that is to be certified, in m; without a certificate, the one that
         directions aim at, relative to the largest displacement.
     stresses : dict of str to array, (n_cells, …)
-        By the names of `shared_schema.common.bodies.stress_fields`; empty if not asked for.
+        By the names of `shared_schema.common.bodies.equilibrium`; empty if not asked for.
     reaction : array, (n_nodes, d), or None
         Forces of the supports on the body in N.
     notes : tuple of str
@@ -237,7 +237,7 @@ class Solution:
         Colours show, at the nodes, the estimated error; the standard deviation if there is no
         certificate; or the displacement.
         """
-        from shared_schema.common.drawing.deformed_figure import deformed_figure
+        from shared_schema.common.drawing.mesh_drawing import deformed_figure
 
         body = self.geometry, self.displacement, self.force
         if self.certificate is not None and np.isfinite(self.certificate.error).all():

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.common.bodies.displacement_size import size_warning
+from shared_schema.common.bodies.equilibrium import size_warning
 from shared_schema.common.errors import InputError
 from surrogate.learning.inference.prediction import certain
 from surrogate.learning.inference.solution import Solution, stiffened

@@ -13,8 +13,7 @@ import torch
 from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
-from shared_schema.common.arguments.checked_arguments import checked_arguments
-from shared_schema.common.arguments.real_numbers import real_numbers
+from shared_schema.common.arguments import checked_arguments, real_numbers
 from shared_schema.common.errors import InputError, WorkError
 from shared_schema.common.progress import Progress
 from surrogate.learning.inference.prediction import Predictor, given_aim

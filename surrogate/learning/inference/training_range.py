@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 
-from shared_schema.common.bodies.displacement_size import UNITS
-from shared_schema.common.keys.units import SI, Units
+from shared_schema.common.bodies.equilibrium import UNITS
+from shared_schema.common.units import SI, Units
 from shared_schema.grid import Grid
 from surrogate.learning.data.load_range import BODY_FORCE, LoadRange, PressedNodes, known_families
 from surrogate.learning.runs.description import RunDescription

@@ -14,10 +14,10 @@ from typing import Literal, NamedTuple
 
 import yaml
 
-from shared_schema.common.arguments.checked_arguments import checked_arguments
+from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.configuration import read_yaml
 from shared_schema.common.errors import InputError
-from shared_schema.common.memory import available_memory
+from shared_schema.common.machine import available_memory
 from shared_schema.manifest import MANIFEST
 from shared_schema.materials import NeoHookean
 from surrogate.learning.data.dataset import Dataset

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from shared_schema.common.arguments.checked_arguments import checked_arguments
+from shared_schema.common.arguments import checked_arguments
+from shared_schema.common.command_line import laid_out
 from shared_schema.common.errors import InputError
-from shared_schema.common.text_table import laid_out
 from surrogate.learning.models.model import TrainedModel
 from surrogate.learning.networks.unet import parameter_count
 from surrogate.learning.runs.config_reader import Config, read_config

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from shared_schema.common.arguments.checked_arguments import checked_arguments
-from shared_schema.common.changed_keys import changed, source_of
+from shared_schema.common.arguments import checked_arguments
+from shared_schema.common.configuration import changed, source_of
 from surrogate.learning.models.kinds import run_config
 from surrogate.learning.models.model import Model
 from surrogate.learning.runs.recipes import Data, case_of, named, read_recipe

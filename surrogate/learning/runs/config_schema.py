@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 from pydantic import TypeAdapter
 
-from shared_schema.common.keys.json_schema import Schema, json_schema
-from shared_schema.common.keys.key_list import Key, joined, keys_of
+from shared_schema.common.configuration_keys import Key, Schema, joined, json_schema, keys_of
 from surrogate.learning.models.kinds import kinds, union
 
 TITLE = "Configuration of surrogate train"

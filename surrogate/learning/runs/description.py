@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from shared_schema.common.configuration import Frozen, absent
 from shared_schema.common.errors import InputError
-from shared_schema.common.keys.units import Units
+from shared_schema.common.units import Units
 from shared_schema.manifest import StructuredInfo
 from shared_schema.materials import Materials, materials_of
 from surrogate.learning.data.load_range import LoadRange, load_range
@@ -89,7 +89,7 @@ class Origin(Frozen):
 
 
 class Refinement(Frozen):
-    """Training without solutions after that on a dataset, which earlier versions had.
+    """Training without solutions, after that on a dataset (`surrogate refine`).
 
     Attributes
     ----------

@@ -28,10 +28,9 @@ from typing import Any
 import yaml
 from torch import Tensor
 
-from shared_schema.common.atomic_file import complete_or_absent, remove_partial_files, write_text
-from shared_schema.common.configuration import read_yaml, validate
-from shared_schema.common.differences import difference_text, differences
+from shared_schema.common.configuration import difference_text, differences, read_yaml, validate
 from shared_schema.common.errors import InputError
+from shared_schema.common.files import complete_or_absent, remove_partial_files, write_text
 from shared_schema.common.folder_lock import LOCK, FolderLock
 from surrogate.learning.runs.description import RunDescription
 from surrogate.learning.runs.metric_lines import read_lines, write_lines

@@ -13,8 +13,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from shared_schema.common.atomic_file import write_text
 from shared_schema.common.errors import InputError
+from shared_schema.common.files import write_text
 from shared_schema.manifest import digest_of
 
 CHECK = "check"

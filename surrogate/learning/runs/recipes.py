@@ -16,9 +16,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from shared_schema.common.configuration import read_yaml
+from shared_schema.common.configuration import names_in, read_yaml
 from shared_schema.common.errors import InputError
-from shared_schema.common.shipped_files import names_in
 from shared_schema.manifest import read_manifest
 
 if TYPE_CHECKING:

@@ -14,10 +14,9 @@ from typing import Literal
 
 from pydantic import Field
 
-from shared_schema.common.atomic_file import write_text
-from shared_schema.common.checksum import require_inside, require_plain, sha256
 from shared_schema.common.configuration import Frozen, validate
 from shared_schema.common.errors import InputError
+from shared_schema.common.files import require_inside, require_plain, sha256, write_text
 from shared_schema.manifest import MANIFEST, digest_of
 
 

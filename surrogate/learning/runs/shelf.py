@@ -15,9 +15,9 @@ from pathlib import Path
 
 import torch
 
-from shared_schema.common.arguments.checked_arguments import checked_arguments
-from shared_schema.common.atomic_file import require_writable
+from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.errors import InputError
+from shared_schema.common.files import require_writable
 from surrogate.learning.runs.folder import RunFolder
 from surrogate.learning.runs.seal import Seal
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from shared_schema.common.command_line import laid_out
+from shared_schema.common.configuration import shipped_files
 from shared_schema.common.errors import InputError
-from shared_schema.common.shipped_files import shipped_files
-from shared_schema.common.text_table import laid_out
 from surrogate.learning.models.kinds import run_config
 from surrogate.learning.runs.folder import RunFolder
 from surrogate.learning.runs.recipes import SHIPPED, named

@@ -16,11 +16,11 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from shared_schema.common.arguments.checked_arguments import checked_arguments
-from shared_schema.common.atomic_file import require_writable
+from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.errors import WorkError
-from shared_schema.common.keys.units import Units
+from shared_schema.common.files import require_writable
 from shared_schema.common.progress import Progress
+from shared_schema.common.units import Units
 from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.inference.loading import load
 from surrogate.learning.inference.surrogate import Surrogate, make_surrogate

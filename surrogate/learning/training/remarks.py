@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from shared_schema.common.keys.units import SI, Units
+from shared_schema.common.units import SI, Units
 from surrogate.learning.models.model import TrainedModel
 from surrogate.learning.runs.description import RunDescription
 from surrogate.learning.training.trainer import Trainer

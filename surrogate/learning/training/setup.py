@@ -9,7 +9,7 @@ from pathlib import Path
 
 import torch
 
-from shared_schema.common.bodies.displacement_size import size_warning
+from shared_schema.common.bodies.equilibrium import size_warning
 from shared_schema.common.errors import InputError
 from surrogate.extensions import CONTRIB, at
 from surrogate.learning.data.dataset import Dataset

@@ -16,7 +16,7 @@ from dataclasses import replace
 from typing import Any
 
 from shared_schema.common.errors import InputError
-from shared_schema.common.keys.units import Units
+from shared_schema.common.units import Units
 from shared_schema.materials import (
     Material,
     Materials,
@@ -90,6 +90,20 @@ def require_linear_elements(case: Mapping[str, Any], what: str) -> None:
     if element != "linear":
         raise InputError(
             f"key 'element' of the run's case = '{element}': {what} are for linear elements only"
+        )
+
+
+def require_nodes_alone(
+    case: Mapping[str, Any],
+    cell_type: str,
+    what: str,
+    instead: str = "full certificates and corrections are for all",
+) -> None:
+    """Raise InputError if the elements of a case have points between the nodes."""
+    if has_points_between(case, cell_type):
+        raise InputError(
+            f"key 'element' of the run's case = '{element_of(case)}': {what} are for elements "
+            f"without points between the nodes; {instead}"
         )
 
 

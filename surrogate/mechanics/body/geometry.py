@@ -11,13 +11,13 @@ import torch
 from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
-from shared_schema.common.arguments.read_only import hold_read_only, read_only
+from shared_schema.common.arguments import hold_read_only, read_only
 from shared_schema.common.bodies.cells import boundary_facets, outward_facets
 from shared_schema.common.bodies.command_loads import LoadedBody
 from shared_schema.common.bodies.groups import GroupParts, groups_of, parts_of
-from shared_schema.common.bodies.quadratic.points_between import PointsBetween
+from shared_schema.common.bodies.points_between import PointsBetween
 from shared_schema.common.errors import InputError
-from shared_schema.common.keys.units import SI, Units
+from shared_schema.common.units import SI, Units
 from shared_schema.grid import Grid, grid_arrays, grid_of
 from shared_schema.layout import Arrays
 

@@ -29,8 +29,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.common.arguments.read_only import hold_read_only
-from shared_schema.common.keys.units import SI, Units
+from shared_schema.common.arguments import hold_read_only
+from shared_schema.common.units import SI, Units
 
 LEAST_STIFFNESS = 0.05
 MARGIN = 0.05

@@ -17,7 +17,7 @@ lowest mode in the direction of the body's imperfection, where Π is less. So ev
 in a stable equilibrium. A body may have several of them.
 
 The iteration ends by the rule of the finite elements
-(`shared_schema.common.bodies.force_tolerance`). Under a load that is hidden by rounding errors it
+(`shared_schema.common.bodies.equilibrium`). Under a load that is hidden by rounding errors it
 is one step from the undeformed body.
 
 Where the volumes of the cells change as a whole, the prediction's are made right first
@@ -39,10 +39,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.common.bodies.force_tolerance import LOOSEST, ForceTolerance
+from shared_schema.common.bodies.equilibrium import LOOSEST, ForceTolerance
 from shared_schema.common.errors import WorkError
-from shared_schema.common.keys.units import SI, Units
 from shared_schema.common.progress import LoadProgress
+from shared_schema.common.units import SI, Units
 from surrogate.mechanics.equilibrium.out_of_balance import FIRST_SHIFT, Equilibrium
 
 Array = NDArray[np.float64]

@@ -40,9 +40,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from shared_schema.common.arguments.read_only import hold_read_only
+from shared_schema.common.arguments import hold_read_only
 from shared_schema.common.errors import InputError
-from shared_schema.common.keys.units import SI, Units
+from shared_schema.common.units import SI, Units
 from surrogate.mechanics.certify.calibrated_range import LEAST_STIFFNESS, CalibratedRange
 from surrogate.mechanics.certify.conformal import conformal_quantile
 from surrogate.mechanics.certify.fast_estimate import FastEstimate

@@ -29,8 +29,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.common.arguments.checked_arguments import checked_arguments
-from shared_schema.common.keys.units import SI, Units
+from shared_schema.common.arguments import checked_arguments
+from shared_schema.common.units import SI, Units
 from surrogate.mechanics.certify.correction import damped, searched
 from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
 from surrogate.mechanics.equilibrium.newton_steps import norms

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from shared_schema.common.arguments.checked_arguments import require_type
+from shared_schema.common.arguments import require_type
 from shared_schema.common.errors import InputError
 
 

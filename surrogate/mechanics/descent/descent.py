@@ -29,7 +29,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.common.keys.units import Units
+from shared_schema.common.units import Units
 from surrogate.mechanics.descent.aim import Aim
 from surrogate.mechanics.descent.directions import Directions
 from surrogate.mechanics.descent.driven_body import DrivenBody, State, longest

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.common.bodies.force_tolerance import ForceTolerance
+from shared_schema.common.bodies.equilibrium import ForceTolerance
 from surrogate.mechanics.compiled.solid import CompiledSolid
 from surrogate.mechanics.descent.carried_compliance import CarriedCompliance
 from surrogate.mechanics.descent.soft_modes import Softening, least_eigenvalue, soft_modes

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional
 
-from shared_schema.common.bodies.cell_volumes import nodal_volumes
+from shared_schema.common.bodies.distributed_loads import nodal_volumes
 from shared_schema.materials import Materials
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.equilibrium.block_solve import BlockSolve, at_dofs

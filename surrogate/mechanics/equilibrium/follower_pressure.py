@@ -1,6 +1,6 @@
 """Pressures that follow the surface of a body, as the factory has them: forces and tangent.
 
-The equations are those of `shared_schema.common.bodies.facet_quadrature`. A pressure on a surface
+The equations are those of `shared_schema.common.bodies.distributed_loads`. A pressure on a surface
 that is closed, or whose edge is held, has a symmetric tangent; at a free edge it has not.
 """
 
@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.common.bodies.command_loads import CommandLoads
-from shared_schema.common.bodies.facet_quadrature import facet_derivatives, pressure_forces
-from shared_schema.common.bodies.quadratic.points_between import PointsBetween
+from shared_schema.common.bodies.distributed_loads import facet_derivatives, pressure_forces
+from shared_schema.common.bodies.points_between import PointsBetween
 
 Array = NDArray[np.float64]
 

@@ -31,10 +31,9 @@ import torch
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from shared_schema.common.bodies.force_tolerance import RoundOff, mean_edge
-from shared_schema.common.bodies.imperfection import imperfection
-from shared_schema.common.bodies.quadratic.quadratic_cells import LINEAR
-from shared_schema.common.keys.units import SI
+from shared_schema.common.bodies.equilibrium import RoundOff, imperfection, mean_edge
+from shared_schema.common.bodies.reference_cells import LINEAR
+from shared_schema.common.units import SI
 from shared_schema.materials import Materials, as_tuple
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.equilibrium import quadratic

@@ -13,7 +13,7 @@ the nodes of an equilibrium, the points are those of the equilibrium itself. Und
 there is no such energy: every step is one under the pressures' forces as they are.
 
 A *load* is one array of the nodal forces f, and after these, if there are any, the forces g of the
-points between the nodes (`shared_schema.common.bodies.quadratic.points_between`). f does the work
+points between the nodes (`shared_schema.common.bodies.points_between`). f does the work
 of all forces in displacements that are linear in the cells. Without g, forces act at the nodes
 alone.
 """
@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.common.bodies.quadratic.quadratic_cells import NAMES
+from shared_schema.common.bodies.reference_cells import NAMES
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.equilibrium.newton_steps import norms
 

@@ -6,9 +6,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from shared_schema.common.bodies.quadratic.quadratic_cells import LINEAR
-from shared_schema.common.bodies.reference_cells import CORNERS
-from shared_schema.common.bodies.stress_fields import stress_fields
+from shared_schema.common.bodies.equilibrium import stress_fields
+from shared_schema.common.bodies.reference_cells import CORNERS, LINEAR
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.energy.law import law_of
 from surrogate.mechanics.solids.deformation import completed, determinant
@@ -33,7 +32,7 @@ def cell_stresses(solid: Solid, geometry: Geometry, displacement: Array) -> dict
     Returns
     -------
     dict of array, (N, n_cells, …)
-        By the names of `shared_schema.common.bodies.stress_fields`.
+        By the names of `shared_schema.common.bodies.equilibrium`.
     """
     cell_type = LINEAR.get(geometry.cell_type, geometry.cell_type)
     middle = np.mean(CORNERS[cell_type], axis=0)[None]

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.common.arguments.checked_arguments import checked_arguments
+from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.errors import InputError
-from shared_schema.common.keys.units import Units
 from shared_schema.common.solution_file import write_solution
+from shared_schema.common.units import Units
 from shared_schema.tools import Tool, parse_tool, require_outside
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.body.stiffness import modulus_at_rest

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 
-from shared_schema.common.arguments.real_numbers import real_numbers
-from shared_schema.common.arguments.text_lines import text_lines
+from shared_schema.common.arguments import real_numbers
 from shared_schema.common.errors import InputError
+from shared_schema.common.files import text_lines
 from shared_schema.points_in_cells import locate
 from surrogate.mechanics.body.geometry import Geometry
 

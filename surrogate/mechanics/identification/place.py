@@ -1,7 +1,7 @@
 r"""The place of the surface that a single force acts on, from what markers tell.
 
 A place is a node of the surface, or what lies within a radius of one, over which the force is
-spread (`shared_schema.common.bodies.surface_patches`).
+spread (`shared_schema.common.bodies.distributed_loads`).
 
 A linear body moves the markers by :math:`A_a g` under a force g in place a, with columns of
 :math:`K^{-1}` at the markers, which are those of unit forces at the markers (:math:`K^{-1}` is
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array, vstack
 
-from shared_schema.common.bodies.surface_patches import SurfacePatches
+from shared_schema.common.bodies.distributed_loads import SurfacePatches
 from shared_schema.common.errors import InputError
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.identification.least_squares import FLOOR, cauchy

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.common.bodies.command_loads import CommandLoads
-from shared_schema.common.bodies.force_tolerance import mean_edge
+from shared_schema.common.bodies.equilibrium import mean_edge
 from shared_schema.common.errors import InputError
 from shared_schema.tools import Tool
 from surrogate.mechanics.body.geometry import Geometry

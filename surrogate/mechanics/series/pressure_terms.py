@@ -4,7 +4,7 @@ With the tangents :math:`t_1, t_2` of a facet, which are linear in the positions
 
 .. math:: f_a(x) = -p \sum_q w_q N_a \, t_1(x) × t_2(x)
 
-(`shared_schema.common.bodies.facet_quadrature`) are polynomials of the displacement: under s p on
+(`shared_schema.common.bodies.distributed_loads`) are polynomials of the displacement: under s p on
 :math:`x_0 + \sum_k s^k u_k`, with the undeformed body's :math:`x_0` and :math:`x_k = u_k`, their
 terms are
 
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from torch import Tensor, nn
 
-from shared_schema.common.bodies.facet_quadrature import shape_functions
+from shared_schema.common.bodies.distributed_loads import shape_functions
 from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
 from surrogate.mechanics.matrices.sparse_products import SparseProduct
 

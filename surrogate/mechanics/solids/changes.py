@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Protocol
 
-from shared_schema.common.arguments.array_library import library_of
+from shared_schema.common.bodies.polar_decomposition import library_of
 from surrogate.mechanics.energy.law import DILATION, VOLUME, Law
 from surrogate.mechanics.solids.deformation import Deformation, Values, plus
 from surrogate.mechanics.solids.solid import Points

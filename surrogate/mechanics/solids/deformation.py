@@ -31,8 +31,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from shared_schema.common.arguments.array_library import library_of
 from shared_schema.common.bodies.polar_decomposition import cofactors as any_cofactors
+from shared_schema.common.bodies.polar_decomposition import library_of
 from shared_schema.materials import Material
 from surrogate.mechanics.energy.law import DILATION, FIBRES, FIRST, SECOND, VOLUME, Law, law_of
 from surrogate.mechanics.energy.law import is_zero as is_none

@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.common.bodies.quadratic.quadratic_cells import (
+from shared_schema.common.bodies.reference_cells import (
     LINEAR,
     quadratic_quadrature,
     quadratic_shape_gradients,
+    quadrature,
+    shape_gradients,
 )
-from shared_schema.common.bodies.reference_cells import quadrature, shape_gradients
 
 Array = NDArray[np.float64]
 

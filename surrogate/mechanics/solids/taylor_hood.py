@@ -33,7 +33,7 @@ from scipy.sparse import csc_array, csr_array
 from scipy.sparse.linalg import SuperLU, splu
 from torch import Tensor
 
-from shared_schema.common.bodies.quadratic.quadratic_cells import quadratic_quadrature
+from shared_schema.common.bodies.reference_cells import quadratic_quadrature
 from surrogate.mechanics.energy.law import law_of
 from surrogate.mechanics.matrices.cell_matrices import sum_of_cells
 from surrogate.mechanics.matrices.sparse_products import SparseProduct

@@ -13,15 +13,16 @@ import torch
 from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
-from shared_schema.common.arguments.real_numbers import real_numbers
-from shared_schema.common.bodies.force_tolerance import ForceTolerance
+from shared_schema.common.arguments import real_numbers
+from shared_schema.common.bodies.equilibrium import ForceTolerance
 from shared_schema.common.errors import InputError
-from shared_schema.common.keys.units import Units
+from shared_schema.common.units import Units
 from shared_schema.grid import Grid, grid_arrays
 from shared_schema.materials import Materials, materials_of
 from surrogate.mechanics.body.elements_of_case import (
     has_points_between,
     require_known_elements,
+    require_nodes_alone,
     with_dilations,
     with_elements,
 )
@@ -137,6 +138,24 @@ class Body(Remade):
         found.units = self.units
         return found
 
+    def balanced(self) -> Equilibrium:
+        """Equilibrium under dead loads, which has no points between the nodes.
+
+        Raises
+        ------
+        InputError
+            As `equilibrium`, or if the case has loads that follow the body, or elements with points
+            between the nodes.
+        """
+        what = "proposed loads and refinement"
+        require_nodes_alone(self.case, self.geometry.cell_type, what)
+        if self.geometry.pressed is not None:
+            raise InputError(
+                f"the loads of the case have a pressure that follows the surface: {what} are for "
+                "dead loads; certificates and corrections are there"
+            )
+        return self.equilibrium
+
     def under(self, pressure: FollowerPressure | None) -> Equilibrium:
         """Equilibrium under dead loads, and under the pressures of one load case if there are."""
         return self.equilibrium if pressure is None else self.equilibrium.under(pressure)
@@ -243,7 +262,7 @@ class Body(Remade):
         Returns
         -------
         dict of array, (n_cells, …) or (N, n_cells, …)
-            By the names of `shared_schema.common.bodies.stress_fields`.
+            By the names of `shared_schema.common.bodies.equilibrium`.
 
         Raises
         ------

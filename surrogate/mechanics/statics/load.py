@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
-from shared_schema.common.arguments.real_numbers import real_numbers
+from shared_schema.common.arguments import real_numbers
 from shared_schema.common.bodies.command_loads import CommandLoads, command_loads
 from shared_schema.common.errors import InputError
 from surrogate.mechanics.body.geometry import Geometry

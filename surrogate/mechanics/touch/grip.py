@@ -27,9 +27,12 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shared_schema.common.arguments.checked_arguments import checked_arguments, require_type
-from shared_schema.common.arguments.read_only import read_only
-from shared_schema.common.arguments.real_numbers import real_numbers
+from shared_schema.common.arguments import (
+    checked_arguments,
+    read_only,
+    real_numbers,
+    require_type,
+)
 from shared_schema.common.bodies.command_loads import CommandLoads
 from shared_schema.common.errors import InputError, WorkError
 from surrogate.mechanics.body.geometry import Geometry

@@ -20,9 +20,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from shared_schema.common.arguments.checked_arguments import checked_arguments
-from shared_schema.common.arguments.read_only import read_only
-from shared_schema.common.bodies.force_tolerance import RELATIVE, ForceTolerance
+from shared_schema.common.arguments import checked_arguments, read_only
+from shared_schema.common.bodies.equilibrium import RELATIVE, ForceTolerance
 from shared_schema.common.errors import WorkError
 from shared_schema.tools import Contact, Tool, require_outside
 from surrogate.mechanics.certify.correction import Correction, stable_state

@@ -17,7 +17,7 @@ from datagen.farm.farm import run
 from datagen.materials.fibre_directions import fibres_of_cells
 from datagen.output.dataset_figure import draw
 from datagen.output.nodal_samples import NodalSamples
-from shared_schema.common.bodies.raw_mesh import RawMesh
+from shared_schema.common.bodies.groups import RawMesh
 from shared_schema.common.errors import InputError
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.manifest import read_manifest

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from datagen.cases.rigid_motions import motion_problem
-from shared_schema.common.bodies.raw_mesh import RawMesh
+from shared_schema.common.bodies.groups import RawMesh
 from shared_schema.common.bodies.reference_cells import CORNERS
 
 QUAD = np.array(CORNERS["quad"], float)

@@ -18,10 +18,10 @@ from datagen.command_line import main
 from datagen.farm.farm import run
 from datagen.solver.load_stepping import solve_load_case
 from shared_schema.checker import check_dataset
-from shared_schema.common.bodies.cell_volumes import cell_shares
 from shared_schema.common.bodies.cells import boundary_facets
+from shared_schema.common.bodies.distributed_loads import cell_shares
+from shared_schema.common.bodies.nodal_forces import scatter_forces
 from shared_schema.common.errors import InputError
-from shared_schema.common.nodal_forces import scatter_forces
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.loads import Load
 from shared_schema.shard import read_shard

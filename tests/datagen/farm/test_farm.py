@@ -22,7 +22,7 @@ from datagen.farm.work_plan import shard_count, shard_samples
 from shared_schema.checker import check_dataset
 from shared_schema.common.errors import InputError
 from shared_schema.loads.family import LoadCase
-from shared_schema.loads.random_node import RandomNode
+from shared_schema.loads.forces_at_nodes import RandomNode
 from shared_schema.loads.regions import Region
 from shared_schema.manifest import read_manifest, write_manifest
 from shared_schema.shard import read_shard

@@ -16,9 +16,9 @@ from datagen.cases.body import make_body
 from datagen.cases.case import Case, read_case
 from datagen.solver.load_stepping import solve_load_case
 from shared_schema.checker import check_dataset
-from shared_schema.common.checksum import sha256
+from shared_schema.common.bodies.nodal_forces import scatter_forces
 from shared_schema.common.errors import InputError
-from shared_schema.common.nodal_forces import scatter_forces
+from shared_schema.common.files import sha256
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.manifest import read_manifest, write_manifest
 from tests.datagen.farm_runs import execute

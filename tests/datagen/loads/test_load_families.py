@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shared_schema.loads.traction import point_areas
+from shared_schema.loads.distributed_forces import point_areas
 from tests.datagen.loads.places import family, place
 
 

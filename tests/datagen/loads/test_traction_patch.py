@@ -7,8 +7,8 @@ import pytest
 
 from datagen.cases.case import read_case
 from datagen.cases.placed_body import placed
-from shared_schema.common.bodies.facet_quadrature import facet_points
-from shared_schema.loads.traction_patch import surface_of
+from shared_schema.common.bodies.distributed_loads import facet_points
+from shared_schema.loads.distributed_forces import surface_of
 from tests.datagen.loads.places import family, place
 
 TRIANGLE = np.array([[[0.0, 0.0, 1.0], [2.0, 0.0, 1.0], [0.0, 1.0, 1.0]]])

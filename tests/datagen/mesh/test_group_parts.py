@@ -18,7 +18,7 @@ import datagen
 from datagen.cases.case import read_case
 from datagen.cases.placed_body import PlacedBody
 from shared_schema.checker import check_dataset
-from shared_schema.common.bodies.raw_mesh import RawMesh
+from shared_schema.common.bodies.groups import RawMesh
 from shared_schema.common.errors import InputError
 from tests.datagen.mesh.files.test_gmsh_file import case_at
 from tests.datagen.mesh.test_mesh_file import CASE, mesh_at

@@ -22,7 +22,7 @@ from datagen.mesh.mesh_file import MeshFile
 from datagen.mesh.raw_mesh import raw_mesh
 from datagen.solver.load_stepping import solve_load_case
 from shared_schema.common.bodies.cells import NEIGHBOURS
-from shared_schema.common.bodies.raw_mesh import RawMesh
+from shared_schema.common.bodies.groups import RawMesh
 from shared_schema.common.errors import InputError
 from tests.datagen.farm_runs import assert_near, execute
 from tests.datagen.refusal import refusal

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from datagen.mesh.overlap import overlap_problem
-from shared_schema.common.bodies.conformity import conformity_problem
+from shared_schema.common.bodies.cells import conformity_problem
 from tests.datagen.solver.cantilever import box
 
 

@@ -14,10 +14,9 @@ from datagen.mesh.box import Box
 from datagen.mesh.mesh_file import MeshFile
 from datagen.mesh.raw_mesh import DIMENSION, raw_mesh
 from datagen.mesh.refinement import refined
-from shared_schema.common.bodies.cell_volumes import cell_shares
-from shared_schema.common.bodies.cells import boundary_facets
-from shared_schema.common.bodies.conformity import conformity_problem
-from shared_schema.common.bodies.raw_mesh import RawMesh
+from shared_schema.common.bodies.cells import boundary_facets, conformity_problem
+from shared_schema.common.bodies.distributed_loads import cell_shares
+from shared_schema.common.bodies.groups import RawMesh
 from shared_schema.loads.regions import members_of
 from tests.datagen.mesh.test_mesh_file import SCRIPTS
 from tests.datagen.refusal import refusal

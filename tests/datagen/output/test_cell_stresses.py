@@ -13,7 +13,7 @@ from datagen.output.cell_stresses import CellStresses
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings
-from shared_schema.common.bodies.raw_mesh import RawMesh
+from shared_schema.common.bodies.groups import RawMesh
 from shared_schema.materials import NeoHookean
 
 MATERIAL = NeoHookean(young_modulus=500, poisson_ratio=0.49)

@@ -19,8 +19,8 @@ from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.settings import SolverSettings
 from datagen.transforms.reindexing import structure
 from shared_schema.checker import check_dataset
-from shared_schema.common.bodies.raw_mesh import RawMesh
-from shared_schema.common.checksum import sha256
+from shared_schema.common.bodies.groups import RawMesh
+from shared_schema.common.files import sha256
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.manifest import read_manifest
 from shared_schema.materials import NeoHookean, Volumetric

@@ -14,9 +14,9 @@ from datagen.mesh.distributed_mesh import Mesh, distributed
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import SolveReport, solve_load_case
 from datagen.solver.settings import SolverSettings
-from shared_schema.common.bodies.raw_mesh import RawMesh
+from shared_schema.common.bodies.groups import RawMesh
 from shared_schema.loads import LoadableNodes
-from shared_schema.loads.traction import point_areas
+from shared_schema.loads.distributed_forces import point_areas
 from shared_schema.materials import NeoHookean
 
 SIMPLICES = {  # of a quadrilateral and of a hexahedron

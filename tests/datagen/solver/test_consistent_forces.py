@@ -20,8 +20,8 @@ from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings
 from shared_schema.common.bodies.command_loads import CommandLoads, LoadedBody, command_loads
-from shared_schema.common.bodies.quadratic.points_between import PointsBetween
-from shared_schema.common.bodies.raw_mesh import RawMesh
+from shared_schema.common.bodies.groups import RawMesh
+from shared_schema.common.bodies.points_between import PointsBetween
 from shared_schema.materials import NeoHookean
 from tests.datagen.solver.cantilever import box
 from tests.datagen.solver.manufactured import bent_box

@@ -11,7 +11,7 @@ from datagen.discretisation.locking import SHORTFALL, locking_warning, shortfall
 from datagen.mesh.distributed_mesh import Mesh, distributed
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.settings import SolverSettings
-from shared_schema.common.bodies.raw_mesh import RawMesh
+from shared_schema.common.bodies.groups import RawMesh
 from shared_schema.materials import NeoHookean
 from tests.datagen.solver.cantilever import beam_tip, box, cook, cook_tip
 

@@ -25,7 +25,7 @@ from datagen.mesh.distributed_mesh import distributed
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings
-from shared_schema.common.bodies.raw_mesh import RawMesh
+from shared_schema.common.bodies.groups import RawMesh
 from shared_schema.materials import NeoHookean
 from tests.datagen.solver.cantilever import box
 

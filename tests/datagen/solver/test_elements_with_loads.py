@@ -17,7 +17,7 @@ from datagen.solver.forms.strain_energy import longitudinal_modulus
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings
 from shared_schema.common.bodies.cells import outward_facets
-from shared_schema.common.bodies.facet_quadrature import pressure_forces
+from shared_schema.common.bodies.distributed_loads import pressure_forces
 from shared_schema.materials import (
     Material,
     MooneyRivlin,

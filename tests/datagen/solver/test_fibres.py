@@ -17,7 +17,7 @@ from datagen.output.undeformed_stiffness import stiffness_of
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings
-from shared_schema.common.bodies.raw_mesh import RawMesh
+from shared_schema.common.bodies.groups import RawMesh
 from shared_schema.common.errors import InputError
 from shared_schema.materials import (
     Guccione,

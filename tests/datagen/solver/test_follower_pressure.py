@@ -13,12 +13,12 @@ from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings
 from shared_schema.common.bodies.cells import outward_facets
-from shared_schema.common.bodies.facet_quadrature import (
+from shared_schema.common.bodies.distributed_loads import (
     area_vectors,
     facet_derivatives,
     pressure_forces,
 )
-from shared_schema.common.bodies.raw_mesh import RawMesh
+from shared_schema.common.bodies.groups import RawMesh
 from shared_schema.materials import MooneyRivlin
 
 MATERIAL = MooneyRivlin(c10=60, c01=25, bulk_modulus=300)

@@ -12,7 +12,7 @@ from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import SolveReport, solve_load_case
 from datagen.solver.settings import LinearSolver, SolverSettings
 from shared_schema.loads import LoadableNodes
-from shared_schema.loads.traction import point_areas
+from shared_schema.loads.distributed_forces import point_areas
 from shared_schema.materials import NeoHookean
 from tests.datagen.solver.cantilever import box
 

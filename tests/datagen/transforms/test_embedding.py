@@ -20,7 +20,7 @@ from datagen.transforms.grid_choice import finer
 from datagen.transforms.reindexing import nodal_forces_of, structure
 from shared_schema.checker import check_dataset
 from shared_schema.common.bodies.cells import CELL_TYPES
-from shared_schema.common.bodies.raw_mesh import RawMesh
+from shared_schema.common.bodies.groups import RawMesh
 from shared_schema.common.bodies.reference_cells import shape_gradients, shape_values
 from shared_schema.common.command_line import logged
 from shared_schema.common.errors import InputError

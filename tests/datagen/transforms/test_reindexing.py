@@ -14,8 +14,8 @@ from datagen.farm.farm import run
 from datagen.transforms.added_noise import add_noise
 from datagen.transforms.reindexing import nodal_forces_of, split, structure
 from shared_schema.checker import check_dataset
-from shared_schema.common.checksum import sha256
 from shared_schema.common.errors import InputError
+from shared_schema.common.files import sha256
 from shared_schema.grid import Grid
 from shared_schema.layout import Arrays
 from shared_schema.manifest import NodeOrder, read_manifest, write_manifest

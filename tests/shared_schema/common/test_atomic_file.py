@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from shared_schema.common.atomic_file import (
+from shared_schema.common.errors import InputError
+from shared_schema.common.files import (
     PARTIAL,
     complete_or_absent,
     remove_partial_files,
     require_writable,
     write_text,
 )
-from shared_schema.common.errors import InputError
 
 
 def test_file_and_folder_are_synchronised(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from shared_schema.common.changed_keys import changed, source_of
+from shared_schema.common.configuration import changed, source_of
 from shared_schema.common.errors import InputError
 
 CONTENT: dict[str, Any] = {"a": {"b": 1, "c": 2}, "list": [{"x": 0}, {"y": 1}], "text": "t"}

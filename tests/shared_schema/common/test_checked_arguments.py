@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import pytest
 
-from shared_schema.common.arguments.checked_arguments import checked_arguments
+from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.errors import InputError
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shared_schema.common.bodies.conformity import cell_names, conformity_problem
+from shared_schema.common.bodies.cells import cell_names, conformity_problem
 
 SQUARE = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1], [2, 0], [2, 1]])
 QUADS = np.array([[0, 1, 2, 3], [1, 4, 5, 2]])

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from shared_schema.common import memory
+from shared_schema.common import machine as memory
 from shared_schema.common.errors import InputError
-from shared_schema.common.memory import GIB, available_memory, require_memory
+from shared_schema.common.machine import GIB, available_memory, require_memory
 
 
 def test_the_machine_and_its_containers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -41,7 +41,7 @@ def test_too_much_is_refused_with_the_figure(monkeypatch: pytest.MonkeyPatch) ->
 def test_the_limit_of_the_process() -> None:
     code = """
 import resource
-from shared_schema.common.memory import available_memory
+from shared_schema.common.machine import available_memory
 resource.setrlimit(resource.RLIMIT_AS, (2**31, 2**31))
 assert 0.5 * 2**30 < available_memory() < 2**31
 """

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shared_schema.common.nodal_forces import scatter_forces, sum_per_node
+from shared_schema.common.bodies.nodal_forces import scatter_forces, sum_per_node
 
 
 def test_forces_are_scattered_and_padding_is_not() -> None:

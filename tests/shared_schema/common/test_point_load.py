@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shared_schema.common.bodies.point_load import PointLoad, nodal_forces
+from shared_schema.common.bodies.nodal_forces import PointLoad, nodal_forces
 from shared_schema.common.errors import InputError
 
 COORDINATES = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 1.0], [0.0, 1.0]])

@@ -7,15 +7,15 @@ from itertools import permutations, product
 import numpy as np
 import pytest
 
-from shared_schema.common.bodies.cell_volumes import nodal_volumes
 from shared_schema.common.bodies.cells import outward_facets
-from shared_schema.common.bodies.facet_quadrature import (
+from shared_schema.common.bodies.distributed_loads import (
     area_vectors,
     facet_derivatives,
     facet_shares,
+    nodal_volumes,
 )
-from shared_schema.common.bodies.quadratic.points_between import PointsBetween
-from shared_schema.common.bodies.quadratic.quadratic_cells import (
+from shared_schema.common.bodies.points_between import PointsBetween
+from shared_schema.common.bodies.reference_cells import (
     NAMES,
     points_of,
     quadratic_shape_gradients,

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from shared_schema.common.processor_name import processor
+from shared_schema.common.machine import processor
 
-module = importlib.import_module("shared_schema.common.processor_name")
+module = importlib.import_module("shared_schema.common.machine")
 
 
 @pytest.mark.parametrize(

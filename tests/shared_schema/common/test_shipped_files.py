@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from shared_schema.common.shipped_files import one_line, shipped_files
-from shared_schema.common.text_table import laid_out
+from shared_schema.common.command_line import laid_out
+from shared_schema.common.configuration import one_line, shipped_files
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.materials import ARRAYS, FibreInvariants, Invariants, Material
-from shared_schema.materials.jet import JETS, Jet
+from shared_schema.materials.material import JETS, Jet
 
 Array = NDArray[np.float64]
 

@@ -17,8 +17,7 @@ from shared_schema.materials import (
     Yeoh,
     at_rest,
 )
-from shared_schema.materials.jet import JETS, Jet
-from shared_schema.materials.signature import Functions, Invariants, Scalar
+from shared_schema.materials.material import JETS, Functions, Invariants, Jet, Scalar
 
 
 def test_arithmetic() -> None:

@@ -19,7 +19,7 @@ from shared_schema.materials import (
     materials_of,
     shipped_material,
 )
-from shared_schema.materials.recorded_energy import RecordedEnergy, recorded
+from shared_schema.materials.own_material import RecordedEnergy, recorded
 
 RUBBER = {"bulk_modulus": 900.0}
 ONE, TWO = [1.0, 0.0], [[1.0, 0.5], [1.0, -0.5]]

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from shared_schema.common.drawing.deformed_figure import deformed_figure
+from shared_schema.common.drawing.mesh_drawing import deformed_figure
 from surrogate.figures.field_figures import (
     error_beside_certificate,
     error_field,

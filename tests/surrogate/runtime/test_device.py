@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import torch
 
-from shared_schema.point_tree import PointTree
+from shared_schema.points_in_cells import PointTree
 from surrogate.runtime.device import flush_denormals
 
 

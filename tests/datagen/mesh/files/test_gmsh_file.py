@@ -12,7 +12,7 @@ import yaml
 
 from datagen.cases.case import read_case
 from datagen.cases.placed_body import PlacedBody, placed
-from shared_schema.common.bodies.raw_mesh import RawMesh
+from shared_schema.common.bodies.groups import RawMesh
 from shared_schema.common.errors import InputError
 from tests.datagen.mesh.test_mesh_file import CASE, SQUARE, mesh_at, volume
 

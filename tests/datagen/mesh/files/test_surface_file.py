@@ -10,7 +10,7 @@ import pytest
 from datagen.cases.case import read_case
 from datagen.mesh.mesh_file import MeshFile
 from shared_schema.common.bodies.cells import outward_facets
-from shared_schema.common.bodies.raw_mesh import RawMesh
+from shared_schema.common.bodies.groups import RawMesh
 from shared_schema.common.errors import InputError
 from tests.closed_surfaces import CUBE, FACES
 from tests.datagen.mesh.test_mesh_file import volume

@@ -8,8 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from shared_schema.common.bodies.cells import boundary_facets
-from shared_schema.common.drawing.depth_buffer import DepthBuffer
-from shared_schema.common.drawing.mesh_drawing import make_drawing
+from shared_schema.common.drawing.mesh_drawing import DepthBuffer, make_drawing
 from tests.shared_schema.common.drawing.bodies import DrawnBody, ball, tube
 
 ELEVATION, AZIMUTH = np.deg2rad(22), np.deg2rad(-62)

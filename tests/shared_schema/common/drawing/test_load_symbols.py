@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from shared_schema.common.drawing.load_symbols import load_symbols
+from shared_schema.common.drawing.drawing import load_symbols
 from shared_schema.common.drawing.mesh_drawing import make_drawing
 from tests.shared_schema.common.drawing.bodies import DrawnBody, ball, tube
 

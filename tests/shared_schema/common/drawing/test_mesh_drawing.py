@@ -11,9 +11,13 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
-from shared_schema.common.bodies.surface_edges import sharp_edges
-from shared_schema.common.drawing.drawing import Drawing
-from shared_schema.common.drawing.drawn_mesh import cells_of_faces, surface_edges, surface_faces
+from shared_schema.common.bodies.cells import sharp_edges
+from shared_schema.common.drawing.drawing import (
+    Drawing,
+    cells_of_faces,
+    surface_edges,
+    surface_faces,
+)
 from shared_schema.common.drawing.figure_style import save
 from shared_schema.common.drawing.mesh_drawing import make_drawing
 

@@ -7,7 +7,7 @@ import pytest
 
 from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError
-from shared_schema.common.keys.units import Units
+from shared_schema.common.units import Units
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import surrogate
-from shared_schema.common.bodies.displacement_size import UNITS as CONSISTENT
+from shared_schema.common.bodies.equilibrium import UNITS as CONSISTENT
 from surrogate.learning.inference.surrogate import Surrogate, make_surrogate
 from surrogate.learning.runs.folder import RunFolder
 from surrogate.learning.runs.shelf import find_run

@@ -12,8 +12,8 @@ import pytest
 import torch
 
 import surrogate
-from shared_schema.common.checksum import sha256
 from shared_schema.common.errors import InputError
+from shared_schema.common.files import sha256
 from surrogate.command_line import main
 from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.evaluation.run_report import write_report

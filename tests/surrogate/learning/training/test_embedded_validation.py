@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 import torch
 
-from shared_schema.common.keys.units import Units
+from shared_schema.common.units import Units
 from surrogate.learning.data.joined_dataset import read_dataset
 from surrogate.learning.inference.loading import load
 from surrogate.learning.measures.error_metrics import measure, sample_errors

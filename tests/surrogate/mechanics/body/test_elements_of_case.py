@@ -13,6 +13,7 @@ from surrogate.mechanics.body.elements_of_case import (
     has_points_between,
     require_known_elements,
     require_linear_elements,
+    require_nodes_alone,
     with_elements,
 )
 from tests.surrogate.mechanics.bodies import box
@@ -46,7 +47,11 @@ def test_incompressible_elements(cell_type: str, whole: bool) -> None:
     require_known_elements(SOFT)
     assert has_points_between(SOFT, cell_type) == (not whole)
     if whole:
+        require_nodes_alone(SOFT, cell_type, "bounds")
         assert body_of_response(geometry, SILICONE, SOFT, series=False) == (geometry, SILICONE)
+    else:
+        with pytest.raises(InputError, match="'incompressible': bounds are for elements without"):
+            require_nodes_alone(SOFT, cell_type, "bounds")
 
 
 def test_quadratic_elements_are_known() -> None:

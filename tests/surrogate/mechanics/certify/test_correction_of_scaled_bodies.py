@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shared_schema.common.bodies.force_tolerance import ForceTolerance
+from shared_schema.common.bodies.equilibrium import ForceTolerance
 from shared_schema.materials import NeoHookean
 from surrogate.mechanics.certify.correction import correct
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium

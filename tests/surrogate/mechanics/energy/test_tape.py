@@ -7,7 +7,7 @@ import pytest
 import sympy  # type: ignore[import-untyped]
 
 from shared_schema.materials import SHIPPED, RecordedMaterial, shipped_material
-from shared_schema.materials.recorded_energy import recorded
+from shared_schema.materials.own_material import recorded
 from surrogate.mechanics.energy.law import law_of
 from surrogate.mechanics.energy.tape import Tape
 from tests.shared_schema.materials.test_recorded_energy import KEYS

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from shared_schema.common.bodies.cell_volumes import nodal_volumes
+from shared_schema.common.bodies.distributed_loads import nodal_volumes
 from shared_schema.common.errors import InputError
 from surrogate.learning.data.dataset import Dataset
 from surrogate.mechanics.equilibrium import compliance, kept_responses

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 import torch
 
-from shared_schema.common.bodies.cell_volumes import nodal_volumes
 from shared_schema.common.bodies.cells import outward_facets
-from shared_schema.common.bodies.facet_quadrature import area_vectors
+from shared_schema.common.bodies.distributed_loads import area_vectors, nodal_volumes
 from shared_schema.materials import NeoHookean
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.certify.correction import correct

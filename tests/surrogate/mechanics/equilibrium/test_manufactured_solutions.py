@@ -17,13 +17,14 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from shared_schema.common.bodies.quadratic.quadratic_cells import (
+from shared_schema.common.bodies.reference_cells import (
     BETWEEN,
     NAMES,
     points_of,
     quadratic_quadrature,
+    quadrature,
+    shape_values,
 )
-from shared_schema.common.bodies.reference_cells import quadrature, shape_values
 from shared_schema.grid import Grid
 from shared_schema.materials import NeoHookean
 from surrogate.mechanics.body.geometry import Geometry

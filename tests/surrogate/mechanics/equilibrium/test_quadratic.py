@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from shared_schema.common.bodies.quadratic.quadratic_cells import (
+from shared_schema.common.bodies.reference_cells import (
     NAMES,
     points_of,
     quadratic_quadrature,

@@ -1,5 +1,5 @@
 /**
- * Pressures that follow the surface, as `shared_schema/common/bodies/facet_quadrature.py`: forces on
+ * Pressures that follow the surface, as `shared_schema/common/bodies/distributed_loads.py`: forces on
  * the points of every facet, which Python has recorded as functions of their positions.
  */
 

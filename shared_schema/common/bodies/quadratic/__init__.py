@@ -1,1 +1,0 @@
-"""Quadratic elements: their reference cells, and the points between the nodes of a mesh."""
