@@ -17,7 +17,11 @@ def test_every_room_has_a_line_in_the_order_of_the_layers(program: str) -> None:
     table = PAGE.partition(f"| `{program}` | room |")[2].partition("\n\n")[0]
     shown = re.findall(r"^\|[^|]*\| `([\w.]+)` \|", table, re.MULTILINE)
     layers = [
-        {name for name in layer if (ROOT / program / name.replace(".", "/")).is_dir()}
+        {
+            name
+            for name in layer
+            if (ROOT / program / name.replace(".", "/") / "__init__.py").is_file()
+        }
         for layer in LAYERS[program]
     ]
     assert len(set(shown)) == len(shown)
