@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from experiments.benchmarks.benchmark import Benchmark
 
 PROGRAMS = {  # in whose environment a benchmark is measured
-    "bounded-loads": "surrogate",
     "certificates": "surrogate",
     "claims": "surrogate",
     "corrections": "datagen",
@@ -29,18 +28,13 @@ PROGRAMS = {  # in whose environment a benchmark is measured
     "grips": "surrogate",
     "identification": "surrogate",
     "large-bodies": "datagen",
-    "load-series": "surrogate",
     "manufactured": "datagen",
-    "mechanical-mnist": "datagen",
     "normalisation": "surrogate",
     "page": "surrogate",
-    "prediction": "surrogate",
     "refined-liver": "surrogate",
-    "scaling": "datagen",
     "tools": "surrogate",
     "trained": "surrogate",
     "training": "surrogate",
-    "two-nodes": "datagen",
     "whole-dataset": "surrogate",
 }
 
@@ -51,8 +45,8 @@ def add_to(commands: Commands) -> None:
         commands,
         "benchmark",
         "measure a benchmark, write its record and its page",
-        "python -m experiments benchmark scaling --ranks 1 2 4",
-        "python -m experiments benchmark scaling --help",
+        "python -m experiments benchmark large-bodies --sizes small",
+        "python -m experiments benchmark equilibrium --help",
     )
     benchmark.add_argument("name", metavar="NAME", help=", ".join(PROGRAMS))
     benchmark.add_argument("words", nargs=argparse.REMAINDER, metavar="…", help="its options")

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from experiments.framework.experiment import Findings
 from experiments.gpu.setting import CASES, GpuSetting, Results
 from experiments.measures.latency import by_compiling
-from experiments.measures.untrained import LIKELIHOODS, RECIPES, Body, shape_of, untrained
+from experiments.measures.untrained import LIKELIHOODS, RECIPES, shape_of, untrained
 from surrogate import Dataset, Surrogate, load
 from surrogate.learning.networks import parameter_count
 from surrogate.learning.probabilistic import PASSES, Likelihood
@@ -57,12 +57,11 @@ def make(
     setting: GpuSetting, dataset: Dataset, recipe: str, likelihood: Likelihood
 ) -> tuple[Surrogate, int | None, Results]:
     """Make a network; return it with its number of passes and its description."""
-    body = Body(dataset.manifest, dataset.geometry, dataset.nodal_test.force[:1], np.nan)
     shape = shape_of(recipe, dataset.geometry.dimension)
     if setting.small:
         shape = shape.model_copy(update={"channels": 4})
     with tempfile.TemporaryDirectory() as folder:
-        run = untrained(body, recipe, likelihood, Path(folder) / "run", shape)
+        run = untrained(dataset, recipe, likelihood, Path(folder) / "run", shape)
         model = load(run.folder, setting.device.type)
     passes = (3 if setting.small else PASSES) if model.is_stochastic else None
     described: Results = {

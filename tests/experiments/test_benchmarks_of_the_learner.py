@@ -129,7 +129,7 @@ def test_a_benchmark_is_recorded_and_published(
 
 def test_unknown_benchmark(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["benchmark", "nothing"]) == 2
-    assert "benchmark 'nothing': expected one of bounded-loads," in capsys.readouterr().err
+    assert "benchmark 'nothing': expected one of certificates," in capsys.readouterr().err
 
 
 def test_list_names_all_experiments(capsys: pytest.CaptureFixture[str]) -> None:
@@ -143,5 +143,5 @@ def test_list_names_all_experiments(capsys: pytest.CaptureFixture[str]) -> None:
         "benchmark": len(PROGRAMS),
         "gpu": 19,
     }
-    assert ["benchmark", "two-nodes"] in [line[:2] for line in lines]
+    assert ["benchmark", "large-bodies"] in [line[:2] for line in lines]
     assert all(line[2] for line in lines)

@@ -28,6 +28,7 @@ from experiments.gpu.carried_dataset import pack, rounded_differences, summed, u
 from experiments.gpu.catalogue import STEPS, Step
 from experiments.gpu.recipes import paper_recipe
 from experiments.gpu.setting import GpuSetting
+from experiments.measures.untrained import shape_of
 from shared_schema.checker import check_dataset
 from shared_schema.common import make_parser
 from surrogate.learning.data.joined_dataset import read_dataset
@@ -74,6 +75,13 @@ def record_of(out: Path, name: str) -> Record:
     record = read_record(out / f"{name}.json")
     assert record is not None
     return record
+
+
+def test_shapes() -> None:
+    """The paper has 3 levels in 2D, 4 in 3D and 128 channels; ours has 32 and no padding."""
+    assert [shape_of("paper", d).levels for d in (2, 3)] == [3, 4]
+    assert shape_of("paper", 3).channels == 128
+    assert (shape_of("fast", 2).channels, shape_of("fast", 2).padding) == (32, 0)
 
 
 def test_differences_by_hand() -> None:
