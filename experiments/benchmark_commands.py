@@ -24,7 +24,6 @@ PROGRAMS = {  # in whose environment a benchmark is measured
     "elements": "datagen",
     "equilibrium": "datagen",
     "error-over-time": "surrogate",
-    "further-training": "surrogate",
     "grips": "surrogate",
     "identification": "surrogate",
     "large-bodies": "datagen",

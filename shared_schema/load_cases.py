@@ -1,4 +1,4 @@
-"""Load cases in a file of their own: those that `surrogate` proposes and `datagen` solves.
+"""Load cases in a file of their own, which `datagen run --loads` solves.
 
 No manifest has the checksum of such a file. So it ends with one: the SHA-256, in 64 hexadecimal
 digits, of all that is before it. HDF5 does not read that far.
@@ -64,8 +64,11 @@ class LoadCases:
         return self.nodes[number][loaded], self.forces[number][loaded]
 
 
-def write_load_cases(path: Path, cases: LoadCases, case_digest: str, cell_type: str) -> str:
-    """Write a file of load cases atomically; return the SHA-256 at its end."""
+def write_load_cases(path: Path, cases: LoadCases, cell_type: str) -> str:
+    """Write a file of load cases atomically; return the SHA-256 at its end.
+
+    The cell type is that of the mesh: "triangle", "quad", "tetra" or "hexahedron".
+    """
     arrays = {
         "mesh/coordinates": cases.coordinates,
         "loads/loaded_nodes": cases.nodes,
@@ -73,7 +76,7 @@ def write_load_cases(path: Path, cases: LoadCases, case_digest: str, cell_type: 
     }
     if cases.between is not None:
         arrays["loads/force_between"] = cases.between
-    content = shard_content(path.name, "loads", arrays, case_digest, cell_type)
+    content = shard_content(path.name, "loads", arrays, "", cell_type)
     digest = hashlib.sha256(content).hexdigest()
     with complete_or_absent(path) as partial:
         partial.write_bytes(content + digest.encode())

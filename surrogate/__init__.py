@@ -16,10 +16,8 @@ from shared_schema.common.lazy_names import lazy_names
 from surrogate.old_paths import OldPaths
 
 if TYPE_CHECKING:
-    from surrogate.contrib.refinement import refine
     from surrogate.learning.data.dataset import Dataset
     from surrogate.learning.data.joined_dataset import read_dataset
-    from surrogate.learning.evaluation.learning_curves import LearningCurve, learning_curve
     from surrogate.learning.evaluation.published import Published, read_published
     from surrogate.learning.evaluation.run_comparison import Comparison, compare
     from surrogate.learning.evaluation.run_evaluation import Evaluation, evaluate
@@ -27,7 +25,6 @@ if TYPE_CHECKING:
     from surrogate.learning.inference.export import export
     from surrogate.learning.inference.load_calibration import calibrate
     from surrogate.learning.inference.loading import load
-    from surrogate.learning.inference.proposal import Proposal, propose
     from surrogate.learning.inference.solution import Solution
     from surrogate.learning.inference.surrogate import Surrogate
     from surrogate.learning.inference.training_range import OutsideTrainingWarning
@@ -53,10 +50,8 @@ __all__ = [
     "Grip",
     "GripFrame",
     "Identification",
-    "LearningCurve",
     "Markers",
     "OutsideTrainingWarning",
-    "Proposal",
     "Published",
     "Solution",
     "Surrogate",
@@ -73,13 +68,10 @@ __all__ = [
     "export",
     "first_config",
     "identify",
-    "learning_curve",
     "load",
-    "propose",
     "read_config",
     "read_dataset",
     "read_published",
-    "refine",
     "shelve",
     "shelved",
     "train",

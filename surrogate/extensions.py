@@ -11,8 +11,7 @@ from typing import Any
 CONTRIB = {
     "pod": "surrogate.contrib.pod_model.PODModel",  # key `model`
     "load_paths": "surrogate.contrib.sample_paths.along_load_paths",  # key `training.load_paths`
-    "refine": "surrogate.contrib.refine",  # commands
-    "balance": "surrogate.contrib.balance",
+    "balance": "surrogate.contrib.balance",  # command
 }
 
 

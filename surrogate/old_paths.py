@@ -27,7 +27,7 @@ PLACES = (  # old and new package, and the rooms and modules that have moved
         "inference",
     ),
     ("surrogate.models", "surrogate.contrib", "pod_model"),
-    ("surrogate.training", "surrogate.contrib", "refinement sample_paths"),
+    ("surrogate.training", "surrogate.contrib", "sample_paths"),
     ("surrogate.mechanics", "surrogate.contrib", "load_path"),
     ("surrogate.runs", "surrogate.runtime", "tensor_file"),
     ("surrogate.series", "surrogate.learning.data", "terms_on_grid"),
@@ -56,7 +56,6 @@ NAMES = (  # rooms, where names that they had are now, and these
     ("data", "learning.data.joined_dataset", "read_dataset"),
     ("data", "learning.data.load_families", "random_loads"),
     ("data", "learning.data.samples_on_disk", "SamplesOnDisk"),
-    ("evaluation", "learning.evaluation.learning_curves", "LearningCurve learning_curve"),
     ("evaluation", "learning.evaluation.published", "Published read_published"),
     ("evaluation", "learning.evaluation.run_comparison", "Comparison compare"),
     ("evaluation", "learning.evaluation.run_evaluation", "Evaluation evaluate"),
@@ -95,7 +94,6 @@ NAMES = (  # rooms, where names that they had are now, and these
     ("probabilistic", "learning.probabilistic.moments", "Moments"),
     ("probabilistic", "learning.probabilistic.stochastic_passes", "Passes"),
     ("runs", "learning.runs.config_reader", "read_config"),
-    ("training", "contrib.refinement", "refine"),
     ("training", "learning.training.loop", "train"),
 )
 

@@ -29,7 +29,7 @@ def add_to(commands: Commands) -> None:
         "--loads",
         type=Path,
         metavar="LOADS.h5",
-        help="solve the load cases of a file, such as those of `surrogate propose`",
+        help="solve the load cases of a file (shared_schema.load_cases)",
     )
     parser.add_argument(
         "--ranks-per-solve", type=int, default=1, metavar="R", help="ranks that share each solve"

@@ -15,12 +15,14 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from experiments.benchmarks.benchmark import Results
-from experiments.benchmarks.further_training import errors
 from experiments.framework.report import markdown_table
 from experiments.framework.scale import merged
 from shared_schema.common import Parser
-from surrogate import Dataset, load, read_dataset, train
+from surrogate import Dataset, Surrogate, load, read_dataset, train
+from surrogate.learning.measures import sample_errors
 from surrogate.learning.runs import read_recipe, run_config
 
 PYTORCH = {"batch_norm_momentum": 0.1, "batch_norm_epsilon": 1e-5}
@@ -59,6 +61,17 @@ def trained(options: argparse.Namespace, dataset: Dataset, norm: str, channels: 
     folder = options.work / name
     train(run_config(merged(content, change), source), dataset, folder, device="cpu")
     return {"norm": norm, "channels": channels, **errors(load(folder), dataset)}
+
+
+def errors(surrogate: Surrogate, dataset: Dataset) -> Results:
+    """Mean error, median and 95 % percentile over the test split in m."""
+    test = dataset.nodal_test
+    error = sample_errors(surrogate.averaged_passes(test.force).mean, test.displacement)
+    return {
+        "mean_error": float(error.mean()),
+        "median_error": float(np.median(error)),
+        "high_error": float(np.quantile(error, 0.95)),
+    }
 
 
 def page(results: Results) -> str:

@@ -4,7 +4,6 @@
 `pod_model`, `pod`                 baselines: orthogonal modes with `ridge_regression`, or with a
                                    `gaussian_process`; key `model: pod`
 `sample_paths`, `load_path`        samples along load paths; key `training.load_paths`
-`refinement`, `refine`             training without solutions, and its command
 `modal_fit`, `balance`             the cubature of an equilibrium in modes, and its command
 =================================  ==============================================================
 """

@@ -94,7 +94,7 @@ def require_balance(surrogate: Surrogate) -> None:
         raise InputError(
             f"'{run.name}': key 'displacement_scale' = {run.displacement_scale}, expected global"
         )
-    solid = surrogate.body.balanced().solid
+    solid = surrogate.body.equilibrium.solid
     if type(solid) is not Solid:
         raise InputError("elements: expected standard ones, whose volumes change at every point")
     if solid.fibres is not None:

@@ -33,6 +33,6 @@ def test_same_state_or_its_mirror_image(tmp_path: Path, force: float) -> None:
     size = np.abs(theirs).max()
     differences = [np.abs(each - theirs).max() for each in (ours, ours[mirror] * [1, -1])]
     assert min(differences) < 1e-4 * size
-    body, f = model.body.balanced(), forces[None]
+    body, f = model.body.equilibrium, forces[None]
     assert body.potential(ours[None], f) == pytest.approx(body.potential(theirs[None], f), rel=1e-6)
     assert body.unstable_mode(theirs[None]) is None

@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 import yaml
 
+from shared_schema.load_cases import LoadCases, write_load_cases
+from surrogate import load
 from tests.end_to_end.commands import DATAGEN, MPIRUN, ROOT, SURROGATE, execute
 
 CONFIG: dict[str, Any] = {
@@ -104,10 +106,14 @@ def test_a_corrected_prediction_is_the_solution(work: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.mpi
-def test_proposed_loads_are_solved_and_learned(work: Path) -> None:
-    """40 loads that the run predicts worst join its 600 samples."""
-    loads = ("--loads", work / "worst.h5")
-    execute(SURROGATE, "propose", work / "run", "--count", "40", "--out", loads[1])
+def test_loads_of_a_file_are_solved_and_learned(work: Path) -> None:
+    """40 loads of a file join the 600 samples of the run."""
+    loads = ("--loads", work / "own.h5")
+    body = load(work / "run").geometry
+    forces = np.zeros((40, *body.coordinates.shape))
+    forces[:, body.tip] = np.random.default_rng(0).uniform(-2, 2, (40, 2))
+    cases = LoadCases.of(body.coordinates, forces)
+    write_load_cases(loads[1], cases, body.cell_type)
     execute(DATAGEN, "run", "beam2d", *loads, "--out", work / "worst-nodal")
     execute(DATAGEN, "check", work / "worst-nodal")
     execute(DATAGEN, "structure", work / "worst-nodal", "--out", work / "worst")
@@ -115,9 +121,7 @@ def test_proposed_loads_are_solved_and_learned(work: Path) -> None:
     execute(SURROGATE, "train", work / "small.yaml", *data, "--out", work / "joined")
     description = yaml.safe_load((work / "joined" / "config.yaml").read_text())
     assert description["data"]["info"]["train"] == 570 + 38
-    refined = ("--steps", "3", "--out", work / "refined")
-    execute(SURROGATE, "refine", work / "joined", *refined)
-    execute(SURROGATE, "evaluate", work / "refined", "--data", work / "grid")
+    execute(SURROGATE, "evaluate", work / "joined", "--data", work / "grid")
 
 
 @pytest.mark.mpi

@@ -12,7 +12,6 @@ import yaml
 import surrogate
 from shared_schema.common.bodies.command_loads import CommandLoads
 from shared_schema.common.bodies.equilibrium import ForceTolerance
-from shared_schema.common.errors import InputError
 from shared_schema.materials import NeoHookean
 from surrogate.learning.data.nodal_dataset import read_nodal_dataset
 from surrogate.learning.runs.folder import RunFolder
@@ -246,7 +245,5 @@ def test_commands(element: str, ratio: float, force: str, tmp_path: Path) -> Non
         u = theirs["displacement"]
         np.testing.assert_allclose(ours["displacement"], u, rtol=0, atol=1e-5 * np.abs(u).max())
     assert certificates_of(RunFolder(run)) == "full, fast"
-    with pytest.raises(InputError, match=f"'{element}': proposed loads and refinement"):
-        surrogate.load(run).body.balanced()
     said = execute(SURROGATE, "predict", run, *load, "--certify", "fast", "--out", found, code=2)
     assert "--level 0.95: " in said.stderr  # too few held-out samples

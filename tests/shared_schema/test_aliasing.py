@@ -118,7 +118,7 @@ def stiffness(given: Given) -> Stiffness:
 
 def written_cases(world: World, given: Given) -> Path:
     cases = LoadCases.of(given["nodal"][0], given["nodal"])
-    shared_schema.write_load_cases(world.folder / "loads.h5", cases, "0" * 64, "quad")
+    shared_schema.write_load_cases(world.folder / "loads.h5", cases, "quad")
     return world.folder / "loads.h5"
 
 

@@ -18,7 +18,7 @@ FORCES[1, 0], FORCES[1, 1] = (3.0, 0.0), (0.0, 4.0)
 
 def test_written_and_read(tmp_path: Path) -> None:
     path = tmp_path / "loads.h5"
-    write_load_cases(path, LoadCases.of(X, FORCES), "0" * 64, "triangle")
+    write_load_cases(path, LoadCases.of(X, FORCES), "triangle")
     found = read_load_cases(path)
     np.testing.assert_array_equal(found.coordinates, X)
     assert len(found) == 2
@@ -30,7 +30,7 @@ def test_written_and_read(tmp_path: Path) -> None:
 
 def test_forces_between_the_nodes(tmp_path: Path) -> None:
     between = np.arange(6.0 * len(FORCES)).reshape(len(FORCES), 3, 2)
-    write_load_cases(tmp_path / "loads.h5", LoadCases.of(X, FORCES, between), "0" * 64, "triangle")
+    write_load_cases(tmp_path / "loads.h5", LoadCases.of(X, FORCES, between), "triangle")
     found = read_load_cases(tmp_path / "loads.h5").between
     assert found is not None
     np.testing.assert_array_equal(found, between)
@@ -38,14 +38,14 @@ def test_forces_between_the_nodes(tmp_path: Path) -> None:
 
 def test_nodes_that_are_not_there(tmp_path: Path) -> None:
     path = tmp_path / "loads.h5"
-    write_load_cases(path, LoadCases(X, np.array([[3]]), np.ones((1, 1, 2))), "0" * 64, "triangle")
+    write_load_cases(path, LoadCases(X, np.array([[3]]), np.ones((1, 1, 2))), "triangle")
     with pytest.raises(InputError, match="names a node outside 0 … 2"):
         read_load_cases(path)
 
 
 def test_no_load_cases(tmp_path: Path) -> None:
     path = tmp_path / "loads.h5"
-    write_load_cases(path, LoadCases.of(X, FORCES[:0]), "0" * 64, "triangle")
+    write_load_cases(path, LoadCases.of(X, FORCES[:0]), "triangle")
     with pytest.raises(InputError, match="no load cases in it"):
         read_load_cases(path)
 
@@ -53,7 +53,7 @@ def test_no_load_cases(tmp_path: Path) -> None:
 def test_damage_is_found_before_hdf5_sees_it(tmp_path: Path) -> None:
     """Damaged metadata can crash HDF5 itself."""
     path, random = tmp_path / "loads.h5", np.random.default_rng(0)
-    write_load_cases(path, LoadCases.of(X, FORCES), "0" * 64, "triangle")
+    write_load_cases(path, LoadCases.of(X, FORCES), "triangle")
     content = path.read_bytes()
     for _ in range(50):
         damaged = bytearray(content)

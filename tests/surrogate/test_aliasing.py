@@ -114,14 +114,6 @@ class World:
         return surrogate.compare([self.run], dataset=self.dataset, passes=2)
 
     @cached_property
-    def curve(self) -> surrogate.LearningCurve:
-        return surrogate.LearningCurve(run_config({**CONFIG, "case": "beam2d"}), (), None)
-
-    @cached_property
-    def proposal(self) -> surrogate.Proposal:
-        return surrogate.propose(self.model, 2, among=4, family=FAMILY)
-
-    @cached_property
     def identification(self) -> surrogate.Identification:
         given = arguments()
         markers = surrogate.Markers.of(given["at rest"], given["seen"])
@@ -309,7 +301,7 @@ CALLS: dict[str, Call] = {
     ],
     "TouchFrame.nodes": lambda w, g: w.touch.move(tool(g)).nodes,
     "TouchFrame.reaction": lambda w, g: w.touch.move(tool(g)).reaction,
-    # identification and proposals
+    # identification
     "identify": lambda w, g: [
         surrogate.identify(
             w.model,
@@ -330,9 +322,6 @@ CALLS: dict[str, Call] = {
     "Markers.interpolation": lambda w, g: (
         surrogate.Markers(g["at rest"], g["seen"]).interpolation(w.model.geometry).data
     ),
-    "propose": lambda w, g: surrogate.propose(w.model, 2, among=4, family=FAMILY),
-    "Proposal.save": lambda w, g: w.proposal.save(w.folder / "loads.h5"),
-    "Proposal.summary": lambda w, g: w.proposal.summary(),
     # solutions
     "Solution.fields": lambda w, g: w.solution.fields(),
     "Solution.save": lambda w, g: w.solution.save(w.folder / "u.npz"),
@@ -433,8 +422,6 @@ CALLS: dict[str, Call] = {
     "compare": lambda w, g: surrogate.compare([w.run], dataset=w.dataset, passes=2).csv(),
     "Comparison.csv": lambda w, g: w.comparison.csv(),
     "Comparison.plot": lambda w, g: w.comparison.plot(),
-    "LearningCurve.as_json": lambda w, g: w.curve.as_json(),
-    "LearningCurve.outlook": lambda w, g: list(w.curve.outlook()),
     # lists
     "config_keys": lambda w, g: surrogate.config_keys(),
     "config_list": lambda w, g: surrogate.config_list(),
@@ -446,10 +433,8 @@ CALLS: dict[str, Call] = {
 NO_ARRAYS = {  # given paths and numbers alone, and returning what is in files
     "calibrate",
     "export",
-    "learning_curve",
     "read_config",
     "read_published",
-    "refine",
     "shelve",
     "write_page",
     "write_report",
@@ -457,7 +442,6 @@ NO_ARRAYS = {  # given paths and numbers alone, and returning what is in files
     "FastCertificate.serialised",
     "Intervals.read",
     "Intervals.serialised",
-    "LearningCurve.plot",
 }
 SHARED = {  # another name of what the caller owns, a part of the model, or a step of an estimate
     "Dataset.at_nodes",

@@ -141,17 +141,12 @@ def test_paths(
         lambda: surrogate.evaluate("beam2d_any", path),
         lambda: surrogate.compare([path]),
         lambda: surrogate.compare(path),
-        lambda: surrogate.refine(path, out, steps=1),
-        lambda: surrogate.refine("beam2d_any", path, steps=1),
         lambda: surrogate.first_config(path),
-        lambda: surrogate.learning_curve("reduced", path, out),
         lambda: surrogate.export(path, out, format="onnx"),
         lambda: surrogate.export("beam2d_any", path, format="onnx"),
         lambda: surrogate.shelve(path, "name"),
         lambda: surrogate.write_page(path, out),
         lambda: surrogate.write_report("beam2d_any", path),
-        lambda: surrogate.propose(path, 2),
-        lambda: surrogate.propose(model, 2, among=4).save(path),
         lambda: model.solve("4,1:0,-1").save(path),
     ]
     for call in calls:
@@ -162,11 +157,9 @@ def test_paths(
 
 
 @pytest.mark.parametrize("device", [None, "foo", "meta", "mps", 3, "cuda:99"])
-def test_devices(device: Any, tmp_path: Path) -> None:
+def test_devices(device: Any) -> None:
     with pytest.raises(InputError, match="device"):
         surrogate.load("beam2d_any", device)
-    with pytest.raises(InputError, match="device"):
-        surrogate.refine("beam2d_any", tmp_path / "run", steps=1, device=device)
 
 
 def test_a_gpu_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -178,17 +171,11 @@ def test_a_gpu_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("value", [None, "a", 0, -1, 1.5, True, float("nan"), 10**30, [1]])
 def test_numbers(model: surrogate.Surrogate, value: Any, tmp_path: Path) -> None:
     calls: list[Callable[[], object]] = [
-        lambda: surrogate.propose(model, value),
-        lambda: surrogate.propose(model, 2, passes=value),
-        lambda: surrogate.propose(model, 2, family=value),
-        lambda: surrogate.refine("beam2d_any", tmp_path / "run", steps=value),
         lambda: surrogate.write_page("beam2d_any", tmp_path / "a", largest=value),
         lambda: surrogate.shelve("beam2d_any", value),
         lambda: surrogate.train("reduced", tmp_path, tmp_path / "run", stop_after=value),
         lambda: surrogate.read_config("beam2d-reduced", changes=[value]),
     ]
-    if value is not None:
-        calls.append(lambda: surrogate.propose(model, 2, among=value))
     for call in calls:
         with pytest.raises(InputError) as found:
             call()

@@ -101,22 +101,10 @@ COMMANDS: Mapping[str, Command] = MappingProxyType(
             ),
             ("predict", "surrogate", ("predict", "run", *LOAD, "--out", "u.npz"), ["run"]),
             (
-                "propose",
-                "surrogate",
-                ("propose", "run", "--count", "3", "--out", "worst.h5"),
-                ["run"],
-            ),
-            (
                 "given loads",
                 "datagen",
                 ("run", "case.yaml", "--loads", "loads.h5", "--out", "out"),
                 ["case.yaml", "loads.h5"],
-            ),
-            (
-                "refine",
-                "surrogate",
-                ("refine", "run", "--steps", "2", "--out", "out"),
-                ["run"],
             ),
             (
                 "export",
@@ -207,7 +195,6 @@ def make_material(folder: Path, workers: dict[str, Worker]) -> Material:
         ("structure", ["structure", "nodal", "--out", "structured"]),
         ("train", ["train", "config.yaml", "--data", "structured", "--out", "run"]),
         ("evaluate", ["evaluate", "run", "--data", "structured"]),
-        ("propose", ["propose", "run", "--count", "5", "--out", "loads.h5"]),
     ):
         answer = material.execute(name, words, folder, limit=600.0)
         if answer["code"] != 0:

@@ -1,1 +1,1 @@
-"""What is asked about runs: evaluation, comparison, learning curve, and a report as a page."""
+"""What is asked about runs: evaluation, comparison, and a report as a page."""

@@ -13,7 +13,6 @@
 `load_calibration`     bounds of a run without a dataset, on corrected random loads
 `touched_region`       columns of the compliance at the nodes that tools reach
 `modal_cubature`       the least energy in the modes of a reduced network
-`proposal`             load cases that a network predicts worst
 `export`               a file for other programs: ONNX or ``.pt2``
 =====================  ========================================================================
 """
@@ -27,7 +26,6 @@ if TYPE_CHECKING:
     from surrogate.learning.inference.export import NodalFunction, fixed_directions
     from surrogate.learning.inference.fresh_loads import drawn_loads
     from surrogate.learning.inference.modal_cubature import balance
-    from surrogate.learning.inference.proposal import farthest
     from surrogate.learning.inference.surrogate import Surrogate
     from surrogate.mechanics.statics.load import separated
 
@@ -36,7 +34,6 @@ __all__ = [
     "Surrogate",
     "balance",
     "drawn_loads",
-    "farthest",
     "fit_fast_certificate",
     "fixed_directions",
     "separated",

@@ -46,7 +46,7 @@ def calibrate(
     fresh : int
         Number of further loads, on which the bounds are measured.
     family : str
-        Random loads, as those of `surrogate.propose`.
+        Random loads (`surrogate.learning.inference.fresh_loads`).
     seed : int
         Of the loads, 0 or more.
 

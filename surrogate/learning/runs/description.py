@@ -89,7 +89,7 @@ class Origin(Frozen):
 
 
 class Refinement(Frozen):
-    """Training without solutions, after that on a dataset (`surrogate refine`).
+    """Training without solutions after that on a dataset, which earlier versions had.
 
     Attributes
     ----------

@@ -4,8 +4,7 @@
 `setup` checks and builds what a training starts with, from the weights of another run by
 `warm_start`; `sample_store` and `sample_paths` hold its samples and their load paths. `validation`,
 `remarks`, `training_log` and `checkpoint` are what follows an epoch, `recalibration` what follows
-the last one. `data_parallel`, `cuda_graph` and `compilation` make it faster. `refinement` trains a
-network on without solutions.
+the last one. `data_parallel`, `cuda_graph` and `compilation` make it faster.
 """
 
 from typing import TYPE_CHECKING

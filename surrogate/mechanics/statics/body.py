@@ -22,7 +22,6 @@ from shared_schema.materials import Materials, materials_of
 from surrogate.mechanics.body.elements_of_case import (
     has_points_between,
     require_known_elements,
-    require_nodes_alone,
     with_dilations,
     with_elements,
 )
@@ -137,24 +136,6 @@ class Body(Remade):
         found = found or Equilibrium(geometry, self.material, between)
         found.units = self.units
         return found
-
-    def balanced(self) -> Equilibrium:
-        """Equilibrium under dead loads, which has no points between the nodes.
-
-        Raises
-        ------
-        InputError
-            As `equilibrium`, or if the case has loads that follow the body, or elements with points
-            between the nodes.
-        """
-        what = "proposed loads and refinement"
-        require_nodes_alone(self.case, self.geometry.cell_type, what)
-        if self.geometry.pressed is not None:
-            raise InputError(
-                f"the loads of the case have a pressure that follows the surface: {what} are for "
-                "dead loads; certificates and corrections are there"
-            )
-        return self.equilibrium
 
     def under(self, pressure: FollowerPressure | None) -> Equilibrium:
         """Equilibrium under dead loads, and under the pressures of one load case if there are."""

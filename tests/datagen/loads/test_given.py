@@ -28,7 +28,7 @@ def file(beam: Body, tmp_path: Path) -> Path:
     forces[0, edge[-1]] = 0.5, -1.0
     forces[1, edge[:3]] = [[0.1, 0.2], [0.3, -0.4], [-0.5, 0.6]]
     path = tmp_path / "loads.h5"
-    write_load_cases(path, LoadCases.of(x, forces), "0" * 64, beam.mesh.cell_type)
+    write_load_cases(path, LoadCases.of(x, forces), beam.mesh.cell_type)
     return path
 
 
@@ -82,6 +82,6 @@ def test_loads_outside_the_region(beam: Body, tmp_path: Path) -> None:
     forces = np.zeros((1, *x.shape))
     forces[0, np.flatnonzero((x[:, 1] == 0) & (x[:, 0] == 4))] = 1.0
     path = tmp_path / "loads.h5"
-    write_load_cases(path, LoadCases.of(x, forces), "0" * 64, beam.mesh.cell_type)
+    write_load_cases(path, LoadCases.of(x, forces), beam.mesh.cell_type)
     with pytest.raises(InputError, match="expected some of the 15 nodes of the region"):
         make_body(read_case("beam2d", loads=path), MPI.COMM_SELF)

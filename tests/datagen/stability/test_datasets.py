@@ -35,7 +35,7 @@ def loads(tmp_path_factory: pytest.TempPathFactory) -> Path:
     forces = np.zeros((9, *x.shape))
     forces[:, x[:, 0] == 4, 0] = np.linspace(-4, 4, 9)[:, None]
     path = tmp_path_factory.mktemp("loads") / "axial.h5"
-    write_load_cases(path, LoadCases.of(x, forces), "0" * 64, "quad")
+    write_load_cases(path, LoadCases.of(x, forces), "quad")
     return path
 
 

@@ -13,7 +13,6 @@ import torch
 import surrogate
 from shared_schema.common.errors import InputError
 from surrogate.command_line import main
-from surrogate.learning.inference.proposal import propose
 from surrogate.mechanics.certify.fast_certificate import Bounds
 from surrogate.mechanics.certify.full_certificate import Certificate
 from surrogate.mechanics.descent.first_direction import exceeds_motion
@@ -326,8 +325,3 @@ def test_pressures_of_samples_are_told_from_their_forces(finger: surrogate.Surro
 def test_pressure_of_a_network_needs_directions(finger: surrogate.Surrogate) -> None:
     with pytest.raises(InputError, match="pressure: expected beside a tolerance"):
         finger.predict(np.zeros_like(finger.geometry.coordinates), pressure=[1.0])
-
-
-def test_what_is_for_dead_loads_says_so(finger: surrogate.Surrogate) -> None:
-    with pytest.raises(InputError, match="proposed loads and refinement are for dead loads"):
-        propose(finger, 1)

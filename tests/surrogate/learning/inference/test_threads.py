@@ -30,7 +30,6 @@ from surrogate.learning.data.joined_dataset import read_dataset
 from surrogate.learning.evaluation.run_evaluation import evaluate
 from surrogate.learning.inference import export
 from surrogate.learning.inference.loading import load
-from surrogate.learning.inference.proposal import propose
 from surrogate.learning.inference.surrogate import Surrogate
 from surrogate.learning.models.kinds import run_config
 from surrogate.learning.runs.folder import RunFolder
@@ -156,7 +155,6 @@ CALLS: dict[str, Callable[[Surrogate, Array, int], Any]] = {
     "intervals": lambda model, force, _: model.intervals.bounds("simultaneous", force, 1.0),
     "stresses": lambda model, force, _: model.stresses(1e-3 * force),
     "reactions": lambda model, force, _: model.reactions(1e-3 * force[0]),
-    "propose": lambda model, _, number: propose(model, 2, among=8, seed=number, passes=5).forces,
     "training_range": lambda model, force, _: len(model.training_range.exceeded(3 * force)),
     "repr": lambda model, force, _: [ord(letter) for letter in repr(model)],
 }
