@@ -18,22 +18,19 @@ from surrogate.old_paths import OldPaths
 if TYPE_CHECKING:
     from surrogate.learning.data.dataset import Dataset
     from surrogate.learning.data.joined_dataset import read_dataset
-    from surrogate.learning.evaluation.published import Published, read_published
     from surrogate.learning.evaluation.run_comparison import Comparison, compare
     from surrogate.learning.evaluation.run_evaluation import Evaluation, evaluate
-    from surrogate.learning.evaluation.run_report import write_report
+    from surrogate.learning.evaluation.run_report import Published, read_published, write_report
+    from surrogate.learning.inference.calibration import calibrate
     from surrogate.learning.inference.export import export
-    from surrogate.learning.inference.load_calibration import calibrate
     from surrogate.learning.inference.loading import load
     from surrogate.learning.inference.solution import Solution
     from surrogate.learning.inference.surrogate import Surrogate
     from surrogate.learning.inference.training_range import OutsideTrainingWarning
     from surrogate.learning.planning.first_configuration import first_config
     from surrogate.learning.planning.trial_steps import dry_run
-    from surrogate.learning.runs.config_reader import read_config
-    from surrogate.learning.runs.config_schema import config_keys, config_schema
-    from surrogate.learning.runs.shelf import shelve, shelved
-    from surrogate.learning.runs.shipped_tables import config_list, trained_list
+    from surrogate.learning.runs.config_reader import config_keys, config_schema, read_config
+    from surrogate.learning.runs.shelf import config_list, shelve, shelved, trained_list
     from surrogate.learning.training.loop import train
     from surrogate.mechanics.descent.aim import UnreachedToleranceWarning
     from surrogate.mechanics.identification.identification import Identification, identify

@@ -30,8 +30,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     command: Callable[[argparse.Namespace], None] = options.command
 
     def run() -> None:
-        from surrogate.runtime.device import flush_denormals
-        from surrogate.runtime.hardware import memory_errors
+        from surrogate.runtime.device import flush_denormals, memory_errors
 
         flush_denormals()
         with memory_errors():
@@ -55,7 +54,7 @@ def _parser(command: str | None = None) -> Parser:
 
 def _config_names() -> list[str]:
     from shared_schema.common.configuration import names_in
-    from surrogate.learning.runs.recipes import SHIPPED
+    from surrogate.learning.runs.config_reader import SHIPPED
 
     return names_in(SHIPPED)
 

@@ -78,7 +78,7 @@ def pages_of(program: str) -> dict[str, str]:
         intro = "A case is a YAML file with these keys; `datagen` refuses any other."
         title = "Keys of a case"
         return commands | {"case-keys.md": keys_page(title, f"{intro} {PRINTED}", case_keys())}
-    from surrogate.learning.runs.config_schema import config_keys
+    from surrogate.learning.runs.config_reader import config_keys
 
     intro = (
         "A configuration is a YAML file with these keys. Its keys `model` and `likelihood` choose "

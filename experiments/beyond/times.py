@@ -13,7 +13,7 @@ from experiments.framework.resources import Resources
 from experiments.measures.latency import prediction_seconds
 from experiments.measures.solutions import typical_seconds
 from surrogate import load
-from surrogate.runtime.hardware import hardware
+from surrogate.runtime.device import hardware
 
 CPU = torch.device("cpu")
 MS = 1e3  # ms in a second

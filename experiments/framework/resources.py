@@ -24,7 +24,7 @@ from surrogate.learning.networks import parameter_count
 from surrogate.learning.probabilistic import Distribution
 from surrogate.learning.runs import RunFolder
 from surrogate.mechanics.certify import FastCertificate
-from surrogate.runtime.hardware import hardware
+from surrogate.runtime.device import hardware
 
 Value = TypeVar("Value")
 SEED = Setting.seed  # of the stochastic passes

@@ -15,7 +15,7 @@ from experiments.gpu.carried_dataset import SUFFIX, unpack
 from experiments.measures.latency import Work
 from shared_schema import digest_of
 from surrogate import Dataset, read_dataset
-from surrogate.runtime.hardware import hardware
+from surrogate.runtime.device import hardware
 
 CASES = ("beam2d", "lshape2d", "beam3d")  # of the paper
 Results = dict[str, Any]

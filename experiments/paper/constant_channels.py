@@ -14,7 +14,7 @@ from experiments.measures.errors_on_test_split import MM, split_errors
 from experiments.measures.latency import prediction_seconds
 from experiments.paper.published_numbers import PAPER, PaperChannels, PaperNetwork
 from surrogate import load
-from surrogate.runtime.hardware import hardware
+from surrogate.runtime.device import hardware
 
 RUNS, STANDARD = "beam3d-c*", "beam3d-det"
 BEST, TOO_MANY = PAPER.best_channels, PAPER.overfitting_channels

@@ -18,7 +18,7 @@ from experiments.measures.latency import prediction, prediction_seconds
 from experiments.measures.solutions import Solutions, read_solutions
 from experiments.paper.published_numbers import PAPER
 from surrogate import load
-from surrogate.runtime.hardware import hardware
+from surrogate.runtime.device import hardware
 
 FASTER = {"CPU": 10, "GPU": 100}  # smallest speed-ups that agree with the paper's ratios
 CPU = torch.device("cpu")

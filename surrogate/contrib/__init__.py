@@ -1,9 +1,9 @@
 """What few use, without a promise of stability; nothing else imports it (`surrogate.extensions`).
 
 =================================  ==============================================================
-`pod_model`, `pod`                 baselines: orthogonal modes with `ridge_regression`, or with a
-                                   `gaussian_process`; key `model: pod`
-`sample_paths`, `load_path`        samples along load paths; key `training.load_paths`
+`pod_model`, `pod`                 baselines: orthogonal modes with one of two
+                                   `regressions`; key `model: pod`
+`sample_paths`                     samples along load paths; key `training.load_paths`
 `modal_fit`, `balance`             the cubature of an equilibrium in modes, and its command
 =================================  ==============================================================
 """

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.errors import InputError
-from surrogate.learning.inference.fresh_loads import loads_of
+from surrogate.learning.inference.calibration import loads_of
 from surrogate.learning.inference.modal_cubature import equilibrium_of, modes_of
 from surrogate.learning.networks.reduced_network import ReducedNetwork
 from surrogate.mechanics.modal_equilibrium import Cubature, fit_cubature

@@ -30,11 +30,8 @@ from torch import Tensor
 from torch.nn import functional
 
 from shared_schema.common.configuration import Frozen
-from surrogate.contrib.fitted import Fitted
-from surrogate.contrib.gaussian_process import GaussianProcess
-from surrogate.contrib.ridge_regression import RidgeRegression
-from surrogate.learning.networks.field_network import SMALLEST_STD, FieldNetwork
-from surrogate.learning.networks.grid_fields import at_points, on_grid
+from surrogate.contrib.regressions import Fitted, GaussianProcess, RidgeRegression
+from surrogate.learning.networks.field_network import SMALLEST_STD, FieldNetwork, at_points, on_grid
 from surrogate.learning.networks.modes import modal_encoder
 from surrogate.learning.probabilistic.likelihoods import (
     Prediction,

@@ -14,8 +14,8 @@ from surrogate.learning.data.samples import Samples
 from surrogate.learning.models.model import Gaussian, Model
 from surrogate.learning.models.training_config import SplitConfig
 from surrogate.learning.networks.field_network import FieldNetwork
+from surrogate.learning.probabilistic.distribution import Moments
 from surrogate.learning.probabilistic.likelihoods import Prediction
-from surrogate.learning.probabilistic.moments import Moments
 from surrogate.mechanics.equilibrium.linear_response import LinearResponse
 from surrogate.runtime.seeds import INITIAL_WEIGHTS, stream
 

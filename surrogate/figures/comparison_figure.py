@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from shared_schema.common.drawing.figure_style import NETWORK, REFERENCE, make_figure, styled
 from shared_schema.common.errors import InputError
 from shared_schema.common.units import LENGTHS, Units
-from surrogate.figures.plain_log_axis import number_plainly
+from surrogate.figures.curves import number_plainly
 
 if TYPE_CHECKING:
     from surrogate.learning.evaluation.run_comparison import Compared

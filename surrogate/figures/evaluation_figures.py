@@ -8,13 +8,11 @@ from typing import TYPE_CHECKING
 
 from matplotlib.figure import Figure
 
-from surrogate.figures.calibration_curves import calibration_curves
+from surrogate.figures.curves import calibration_curves, loss_curves, sweep_curves
 from surrogate.figures.error_figures import error_over_displacement, error_over_uncertainty
 from surrogate.figures.field_figures import error_field, uncertainty_field
-from surrogate.figures.loss_curves import loss_curves
 from surrogate.figures.mesh_figures import deformed_meshes
 from surrogate.figures.stress_figures import von_mises_beside_reference
-from surrogate.figures.sweep_curves import sweep_curves
 from surrogate.learning.measures.error_metrics import displacement_at_load, sample_errors
 from surrogate.learning.probabilistic.calibration import CalibrationMeasures
 from surrogate.mechanics.statics.load import Load

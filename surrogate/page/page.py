@@ -2,7 +2,7 @@
 
 The network gets forces and, where it contains the linear response K⁻¹f, that as a second input.
 Neither K⁻¹ nor a factor of K is in the file: the page assembles K from mesh, elements and the
-recordings of the materials (`surrogate.page.body_data`) and factorises it. Where the response of
+recordings of the materials (`surrogate.page.body`) and factorises it. Where the response of
 the body is all there is (`model: series`), the page has no network and computes it alone.
 """
 
@@ -26,14 +26,19 @@ from surrogate.learning.inference.export import require_packages
 from surrogate.learning.inference.loading import load
 from surrogate.learning.inference.surrogate import Surrogate
 from surrogate.learning.models.series_model import NoNetwork
-from surrogate.learning.probabilistic.moments import Moments
+from surrogate.learning.probabilistic.distribution import Moments
 from surrogate.mechanics.body.stiffness import modulus_at_rest
 from surrogate.page.body import BAND, drawn, mechanics_of
 from surrogate.page.bundle import read_bundle
 from surrogate.page.inlined import in_base64, inlined, packed
 from surrogate.page.page_loads import Arrays, load_arrays, page_loads
-from surrogate.page.page_network import NO_NETWORK, page_network
-from surrogate.page.surface_network import fits, surface_arrays, surface_network
+from surrogate.page.page_network import (
+    NO_NETWORK,
+    fits,
+    page_network,
+    surface_arrays,
+    surface_network,
+)
 
 LARGEST = 25_000_000  # bytes of a page
 BASE64 = 4 / 3  # its characters a byte

@@ -16,7 +16,7 @@ from shared_schema.common.errors import InputError
 from surrogate.learning.data.case_loads import families_of, region_of
 from surrogate.learning.inference.surrogate import Surrogate
 from surrogate.mechanics.body.geometry import Geometry
-from surrogate.page.body_data import sparse_rows
+from surrogate.page.body import sparse_rows
 
 FINGER = 0.05  # of the diagonal and of the largest body force: patch where nothing else acts
 Arrays = dict[str, NDArray[Any]]

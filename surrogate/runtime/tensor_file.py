@@ -14,7 +14,7 @@ from torch import Tensor
 
 from shared_schema.common.errors import InputError, first_line
 from shared_schema.common.files import complete_or_absent, require_plain
-from surrogate.runtime.hardware import memory_errors
+from surrogate.runtime.device import memory_errors
 
 Tensors = dict[str, Tensor]
 DIGEST = "digest"

@@ -33,7 +33,7 @@ from sybil import Document, Example, Region
 from sybil.parsers.markdown.lexers import RawFencedCodeBlockLexer
 
 from surrogate.learning.models.kinds import run_config
-from surrogate.learning.runs.recipes import read_recipe
+from surrogate.learning.runs.config_reader import read_recipe
 from tests.end_to_end.commands import DATAGEN, ROOT, SURROGATE, execute
 
 INFO = re.compile(r"(?P<info>[^\n]*)\n")

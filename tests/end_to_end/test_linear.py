@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from shared_schema.stiffness import STIFFNESS_FILE
-from surrogate.learning.runs.recipes import read_recipe
+from surrogate.learning.runs.config_reader import read_recipe
 from tests.end_to_end.commands import DATAGEN, ROOT, SURROGATE, execute
 
 

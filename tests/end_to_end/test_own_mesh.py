@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import yaml
 
-from surrogate.learning.runs.recipes import read_recipe
+from surrogate.learning.runs.config_reader import read_recipe
 from tests.end_to_end.commands import DATAGEN, MPIRUN, SURROGATE, execute
 
 

@@ -13,9 +13,9 @@ import surrogate
 from shared_schema.common.bodies.command_loads import CommandLoads
 from shared_schema.common.bodies.equilibrium import ForceTolerance
 from shared_schema.materials import NeoHookean
-from surrogate.learning.data.nodal_dataset import read_nodal_dataset
+from surrogate.learning.data.samples import read_nodal_dataset
 from surrogate.learning.runs.folder import RunFolder
-from surrogate.learning.runs.shipped_tables import certificates_of
+from surrogate.learning.runs.shelf import certificates_of
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.certify.correction import correct
 from surrogate.mechanics.certify.full_certificate import certify

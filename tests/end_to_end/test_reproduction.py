@@ -13,7 +13,7 @@ from experiments.__main__ import main
 from experiments.framework.record import Table
 from experiments.measures.alarms import KINDS
 from experiments.measures.corrections import LINEAR, PREDICTION, ZERO
-from surrogate.learning.runs.recipes import read_recipe
+from surrogate.learning.runs.config_reader import read_recipe
 from tests.end_to_end.commands import ROOT, execute
 
 

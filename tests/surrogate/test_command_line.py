@@ -18,7 +18,7 @@ import yaml
 import surrogate
 from surrogate.command_line import main
 from surrogate.learning.models.unet_model import UNetModel
-from surrogate.learning.optim.optimisation_keys import ScheduleConfig
+from surrogate.learning.optim.optimisers import ScheduleConfig
 
 AT_ONCE = ("--budget", "1e-12")  # no time for a direction
 

@@ -5,10 +5,14 @@ from typing import TYPE_CHECKING
 from shared_schema.common.lazy_names import lazy_names
 
 if TYPE_CHECKING:
+    from surrogate.learning.data.case_loads import RandomLoads
     from surrogate.learning.data.dataset import Dataset
-    from surrogate.learning.data.load_families import RandomLoads
-    from surrogate.learning.data.nodal_dataset import NodalDataset, NodalSamples, read_nodal_dataset
-    from surrogate.learning.data.samples import Samples
+    from surrogate.learning.data.samples import (
+        NodalDataset,
+        NodalSamples,
+        Samples,
+        read_nodal_dataset,
+    )
     from surrogate.mechanics.body.free_components import at_free
     from surrogate.mechanics.body.geometry import Geometry
 

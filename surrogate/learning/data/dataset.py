@@ -21,8 +21,7 @@ from shared_schema.manifest import Manifest, StructuredInfo
 from shared_schema.materials import Materials, materials_of
 from shared_schema.stiffness import Stiffness, read_stiffness
 from surrogate.learning.data.body_check import BodyRecord
-from surrogate.learning.data.nodal_dataset import BETWEEN, NodalSamples, between_in
-from surrogate.learning.data.samples import Samples
+from surrogate.learning.data.samples import BETWEEN, NodalSamples, Samples, between_in
 from surrogate.learning.data.samples_on_disk import AT_NODES, FIELDS, SamplesOnDisk, nodal_samples
 from surrogate.mechanics.body.elements_of_case import loads_of_before, with_elements
 from surrogate.mechanics.body.geometry import Geometry

@@ -1,14 +1,24 @@
-"""Samples on the grid, in memory."""
+"""Samples in memory: on the grid, and by nodes with the numbering of the finite-element mesh."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
+from shared_schema.common.bodies.nodal_forces import scatter_forces
+from shared_schema.common.errors import InputError
+from shared_schema.dataset_reader import DatasetReader
+from shared_schema.manifest import Manifest
+
 Location = Literal["auto", "device", "host", "disk"]  # memory of the samples during a training
+Array = NDArray[np.float64]
+BETWEEN = "samples/force_between"
 
 
 @dataclass(frozen=True)
@@ -47,3 +57,72 @@ class Samples:
     def to(self, device: torch.device) -> Samples:
         """The same samples on a device."""
         return Samples(self.force.to(device), self.displacement.to(device))
+
+
+@dataclass(frozen=True)
+class NodalSamples:
+    """Forces and the displacements that they cause.
+
+    Attributes
+    ----------
+    force : array, (N, n_nodes, d)
+        In N.
+    displacement : array, (N, n_nodes, d)
+        In m.
+    force_between : array, (N, n_between, d), or None
+        Forces between the nodes in N, which `force` contains; None where there are none.
+    """
+
+    force: Array
+    displacement: Array
+    force_between: Array | None = None
+
+    @property
+    def load(self) -> Array:
+        """All forces, those between the nodes after the nodal ones: what certificates take."""
+        parts = [self.force] if self.force_between is None else [self.force, self.force_between]
+        return np.concatenate(parts, axis=1)
+
+
+@dataclass(frozen=True)
+class NodalDataset:
+    """A nodal dataset, whole.
+
+    Attributes
+    ----------
+    manifest : Manifest
+    coordinates : array, (n_nodes, d)
+        In m.
+    samples : NodalSamples
+        Solved samples, in ascending order of their number.
+    """
+
+    manifest: Manifest
+    coordinates: Array
+    samples: NodalSamples
+
+
+def read_nodal_dataset(folder: str | Path) -> NodalDataset:
+    """Read the solved samples of a nodal dataset.
+
+    Raises
+    ------
+    InputError
+        If there is no dataset, it is of another kind, or any byte of it has changed.
+    """
+    reader = DatasetReader(Path(folder), "nodal")
+    if reader.manifest.samples == 0:
+        raise InputError(f"{folder}: no samples in it")
+    names = ("samples/loaded_nodes", "samples/force", "samples/displacement")
+    arrays = reader.joined((*names, *between_in(reader)))
+    coordinates = reader.body["mesh/coordinates"]
+    force = scatter_forces(
+        arrays["samples/loaded_nodes"], arrays["samples/force"], len(coordinates)
+    )
+    samples = NodalSamples(force, arrays["samples/displacement"], arrays.get(BETWEEN))
+    return NodalDataset(reader.manifest, coordinates, samples)
+
+
+def between_in(reader: DatasetReader) -> tuple[str, ...]:
+    """Name of the forces between the nodes, if a dataset has some."""
+    return (BETWEEN,) if reader.has(BETWEEN) else ()

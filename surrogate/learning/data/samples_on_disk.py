@@ -28,8 +28,7 @@ from shared_schema.common.errors import InputError
 from shared_schema.dataset_reader import DatasetReader, Selection
 from shared_schema.layout import Arrays
 from shared_schema.shard import read_arrays
-from surrogate.learning.data.nodal_dataset import BETWEEN, NodalSamples, between_in
-from surrogate.learning.data.samples import Samples
+from surrogate.learning.data.samples import BETWEEN, NodalSamples, Samples, between_in
 
 FIELDS = ("samples/force", "samples/displacement")
 AT_NODES = ("samples/loaded_nodes", "samples/nodal_force", "samples/nodal_displacement")

@@ -19,13 +19,18 @@ from shared_schema.common.errors import InputError
 from surrogate.learning.data.body_check import BODY_KEYS, BodyRecord, require_same_body
 from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.data.joined_dataset import read_dataset
-from surrogate.learning.inference.calibrated_bounds import fit_fast_certificate, fit_intervals
+from surrogate.learning.inference.calibration import fit_fast_certificate, fit_intervals
 from surrogate.learning.inference.loading import load
 from surrogate.learning.inference.surrogate import Surrogate
-from surrogate.learning.measures.error_metrics import ErrorMeasures, measure, sample_errors
+from surrogate.learning.measures.error_metrics import (
+    ErrorMeasures,
+    StressMeasures,
+    measure,
+    measure_stresses,
+    sample_errors,
+)
 from surrogate.learning.measures.extrapolation import Extrapolation, extrapolate
-from surrogate.learning.measures.shown_sample import find_example, tip_measures
-from surrogate.learning.measures.stress_errors import StressMeasures, measure_stresses
+from surrogate.learning.measures.force_sweep import find_example, tip_measures
 from surrogate.learning.networks.unet import parameter_count
 from surrogate.learning.probabilistic.calibration import CalibrationMeasures, measure_calibration
 from surrogate.learning.probabilistic.distribution import Distribution

@@ -13,19 +13,19 @@ from typing import Any
 
 import yaml
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, UndefinedError
+from pydantic import Field
 
 from shared_schema.common.arguments import checked_arguments
+from shared_schema.common.configuration import Frozen, read_yaml, validate
 from shared_schema.common.errors import InputError, first_line
 from shared_schema.common.files import require_writable, write_text
 from shared_schema.common.units import Units
 from shared_schema.dataset_reader import DatasetReader
-from surrogate.learning.evaluation.published import Published
 from surrogate.learning.runs.description import RunDescription
 from surrogate.learning.runs.folder import RunFolder, read_mapping
 from surrogate.learning.runs.shelf import find_run
 
 Row = tuple[str, ...]  # name, value here, and the published one beside published numbers
-
 FIGURES = (
     (
         "deformed.png",
@@ -67,7 +67,6 @@ FIGURES = (
     ),
     ("loss.png", "Loss over the epochs, on the training samples and on those kept for validation."),
 )
-
 logger = logging.getLogger(__name__)
 PAGES = Environment(
     loader=FileSystemLoader(Path(__file__).parent),
@@ -76,6 +75,40 @@ PAGES = Environment(
     trim_blocks=True,
     lstrip_blocks=True,
 )
+
+
+class Published(Frozen):
+    """Published numbers of a network of the same case; by default there are none.
+
+    Attributes
+    ----------
+    heading : str
+        Heading of their column in a report, such as ``paper``.
+    source : str
+        Sentence that says where they are published.
+    example_displacement : float, optional
+        Tip displacement in m of the sample that the publication shows; the evaluation shows the
+        test sample whose tip displacement is nearest.
+    numbers : dict of str to str
+        Published numbers by the name of the report's row, such as ``training time: 131 min``.
+    """
+
+    heading: str = "published"
+    source: str = ""
+    example_displacement: float | None = None
+    numbers: dict[str, str] = Field(default_factory=dict)
+
+
+@checked_arguments
+def read_published(path: str | Path) -> Published:
+    """Read published numbers from a YAML file.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or a key or value in it is wrong.
+    """
+    return validate(Published, read_yaml(Path(path)), str(path))
 
 
 @dataclass(frozen=True)

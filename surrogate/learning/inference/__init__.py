@@ -8,9 +8,7 @@
 `prediction`           displacements under loads, by a network or by the series of the body
 `solution`             what `solve` returns
 `training_range`       warnings about forces unlike those of the training
-`calibrated_bounds`    intervals and bounds of a run, on samples it has not seen
-`fresh_loads`          random load cases of a run: those of its training, or around them
-`load_calibration`     bounds of a run without a dataset, on corrected random loads
+`calibration`          intervals and bounds of a run, on samples it has not seen
 `touched_region`       columns of the compliance at the nodes that tools reach
 `modal_cubature`       the least energy in the modes of a reduced network
 `export`               a file for other programs: ONNX or ``.pt2``
@@ -22,9 +20,8 @@ from typing import TYPE_CHECKING
 from shared_schema.common.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from surrogate.learning.inference.calibrated_bounds import fit_fast_certificate
+    from surrogate.learning.inference.calibration import drawn_loads, fit_fast_certificate
     from surrogate.learning.inference.export import NodalFunction, fixed_directions
-    from surrogate.learning.inference.fresh_loads import drawn_loads
     from surrogate.learning.inference.modal_cubature import balance
     from surrogate.learning.inference.surrogate import Surrogate
     from surrogate.mechanics.statics.load import separated

@@ -29,13 +29,13 @@ from shared_schema.common.errors import InputError, WorkError, first_line
 from shared_schema.common.files import complete_or_absent, require_writable
 from shared_schema.common.machine import require_memory
 from shared_schema.common.solution_file import require_suffix
-from surrogate.learning.data.load_families import random_loads
+from surrogate.learning.data.case_loads import random_loads
 from surrogate.learning.inference.loading import load
 from surrogate.learning.inference.surrogate import Surrogate
 from surrogate.learning.networks.nodal_network import NodalNetwork
 from surrogate.learning.networks.reduced_network import ReducedNetwork
+from surrogate.learning.probabilistic.distribution import Moments
 from surrogate.learning.probabilistic.likelihoods import Prediction
-from surrogate.learning.probabilistic.moments import Moments
 from surrogate.learning.probabilistic.stochastic_passes import require_passes
 from surrogate.mechanics.descent.fixed_directions import FixedDirections, require_exportable
 from surrogate.mechanics.equilibrium.block_solve import BlockSolve

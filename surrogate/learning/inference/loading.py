@@ -15,8 +15,7 @@ from surrogate.learning.inference.touched_region import restore_columns
 from surrogate.learning.runs.folder import RunFolder
 from surrogate.learning.runs.shelf import find_run
 from surrogate.mechanics.body.elements_of_case import loads_of_before
-from surrogate.runtime.device import choose_device, defaults_of_torch
-from surrogate.runtime.hardware import memory_errors
+from surrogate.runtime.device import choose_device, defaults_of_torch, memory_errors
 
 logger = logging.getLogger(__name__)
 

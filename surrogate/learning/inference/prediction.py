@@ -13,8 +13,7 @@ from shared_schema.common.errors import InputError
 from surrogate.learning.models.batched_prediction import BatchedPrediction
 from surrogate.learning.models.kinds import RunConfig
 from surrogate.learning.networks.field_network import FieldNetwork
-from surrogate.learning.networks.held_nodes import HeldNodes
-from surrogate.learning.networks.nodal_network import NodalNetwork
+from surrogate.learning.networks.nodal_network import HeldNodes, NodalNetwork
 from surrogate.learning.probabilistic.distribution import Distribution
 from surrogate.learning.probabilistic.stochastic_passes import PASSES, Passes
 from surrogate.mechanics.descent.aim import Aim

@@ -8,8 +8,12 @@ from surrogate.learning.measures.error_metrics import (
     sample_errors,
 )
 from surrogate.learning.measures.extrapolation import BAND, Extrapolation, extrapolate
-from surrogate.learning.measures.force_sweep import ForceSweep, force_sweep
-from surrogate.learning.measures.shown_sample import find_example, tip_measures
+from surrogate.learning.measures.force_sweep import (
+    ForceSweep,
+    find_example,
+    force_sweep,
+    tip_measures,
+)
 
 __all__ = [
     "BAND",

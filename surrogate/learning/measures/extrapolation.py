@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surrogate.learning.data.body_check import BodyRecord, require_same_body
-from surrogate.learning.data.nodal_dataset import NodalSamples, read_nodal_dataset
+from surrogate.learning.data.samples import NodalSamples, read_nodal_dataset
 from surrogate.learning.inference.surrogate import Surrogate
 from surrogate.learning.measures.error_metrics import sample_errors
 from surrogate.learning.probabilistic.calibration import half_width

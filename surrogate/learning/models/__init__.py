@@ -2,9 +2,8 @@
 
 ====================  ========================================================================
 `kinds`               which architecture goes with which likelihoods; the table of all kinds
-`model`               what every architecture has: common keys, building, start, distribution
+`model`               what all have: keys of architecture and likelihood, building, distribution
 `unet_model`, …       the architectures: U-Net, reduced network, linear layer, POD, load series
-`likelihood_keys`     the keys that a likelihood adds
 `training_config`     keys of the section `training`
 `batched_prediction`  a network under any number of loads, in batches that fit memory
 ====================  ========================================================================

@@ -16,11 +16,9 @@ from shared_schema.common.progress import Progress
 from surrogate.learning.models.model import Model
 from surrogate.learning.models.network_model import NetworkModel
 from surrogate.learning.networks.nodal_network import NodalNetwork
-from surrogate.learning.probabilistic.distribution import Distribution
-from surrogate.learning.probabilistic.drawn import Drawn, drawables, using
+from surrogate.learning.probabilistic.distribution import Distribution, Moments
 from surrogate.learning.probabilistic.likelihoods import Prediction
-from surrogate.learning.probabilistic.moments import Moments
-from surrogate.learning.probabilistic.stochastic_passes import Passes
+from surrogate.learning.probabilistic.stochastic_passes import Drawn, Passes, drawables, using
 from surrogate.runtime.cuda_graphs import Replayed
 from surrogate.runtime.device import Precision, convolutions
 

@@ -10,8 +10,7 @@ from torch import Tensor, nn
 
 from shared_schema.common.errors import InputError
 from surrogate.learning.data.samples import Samples
-from surrogate.learning.models.likelihood_keys import Regression
-from surrogate.learning.models.model import TrainedModel, require_stiffness
+from surrogate.learning.models.model import Regression, TrainedModel, require_stiffness
 from surrogate.learning.networks.field_network import FieldNetwork
 from surrogate.learning.networks.linear_map import LinearMap, compliance_of
 

@@ -1,10 +1,10 @@
-"""Base classes of all architectures: common configuration keys and common methods."""
+"""Base classes of all architectures and likelihoods: common configuration keys and methods."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sized
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Literal, NamedTuple, TypeVar
 
 import torch
 from pydantic import BaseModel, Field
@@ -15,12 +15,17 @@ from shared_schema.common.errors import InputError
 from shared_schema.manifest import StructuredInfo
 from shared_schema.materials import Materials
 from surrogate.learning.data.samples import Samples
-from surrogate.learning.models.training_config import SplitConfig, TrainingConfig
-from surrogate.learning.networks.field_network import FieldNetwork
-from surrogate.learning.networks.grid_fields import Input, channels_of
+from surrogate.learning.models.training_config import (
+    DeterministicTraining,
+    LikelihoodTraining,
+    RegressionTraining,
+    SplitConfig,
+    TrainingConfig,
+)
+from surrogate.learning.networks.field_network import FieldNetwork, Input, channels_of
+from surrogate.learning.probabilistic.distribution import Moments
 from surrogate.learning.probabilistic.flipout import VariationalConfig
 from surrogate.learning.probabilistic.likelihoods import Likelihood, Prediction
-from surrogate.learning.probabilistic.moments import Moments
 from surrogate.mechanics.body.elements_of_case import body_of_response, with_dilations
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.equilibrium.linear_response import LinearResponse, required
@@ -28,7 +33,54 @@ from surrogate.mechanics.equilibrium.linear_response import LinearResponse, requ
 if TYPE_CHECKING:
     from surrogate.learning.data.dataset import Dataset
 
+RandomWeights = TypeVar("RandomWeights", bound=VariationalConfig)
 METHODS = {"maximum_likelihood": "maximum likelihood", "variational_bayes": "variational Bayes"}
+
+
+class Deterministic(Frozen):
+    """Networks that predict displacements; ensembles and dropout add standard deviations."""
+
+    likelihood: Literal["deterministic"] = "deterministic"
+    training: DeterministicTraining = DeterministicTraining()
+
+
+class MaximumLikelihood(Frozen):
+    """Networks that predict a mean and a standard deviation of every component."""
+
+    likelihood: Literal["maximum_likelihood"] = "maximum_likelihood"
+    training: LikelihoodTraining = LikelihoodTraining()
+
+
+class VariationalBayes(Frozen, Generic[RandomWeights]):
+    """Networks with random weights, trained by variational Bayes.
+
+    Attributes
+    ----------
+    variational : VariationalConfig
+        Random weights and their priors.
+    """
+
+    likelihood: Literal["variational_bayes"] = "variational_bayes"
+    variational: RandomWeights
+    training: LikelihoodTraining = LikelihoodTraining()
+
+    @property
+    def posterior(self) -> RandomWeights:
+        """Configuration of the random weights."""
+        return self.variational
+
+
+class Regression(Frozen):
+    """One dense layer that predicts displacements."""
+
+    likelihood: Literal["deterministic"] = "deterministic"
+    training: RegressionTraining = RegressionTraining()
+
+
+class Untrained(Frozen):
+    """A model that follows from the body, and predicts displacements."""
+
+    likelihood: Literal["deterministic"] = "deterministic"
 
 
 class Gaussian(NamedTuple):

@@ -10,7 +10,7 @@ from torch import Tensor, nn
 
 from surrogate.learning.data.samples import Samples
 from surrogate.learning.data.terms_on_grid import series_on_grid
-from surrogate.learning.models.likelihood_keys import (
+from surrogate.learning.models.model import (
     Deterministic,
     MaximumLikelihood,
     VariationalBayes,

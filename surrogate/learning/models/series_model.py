@@ -13,8 +13,7 @@ from torch import Tensor, nn
 
 from shared_schema.materials import Materials
 from surrogate.learning.data.samples import Samples
-from surrogate.learning.models.likelihood_keys import Untrained
-from surrogate.learning.models.model import Model
+from surrogate.learning.models.model import Model, Untrained
 from surrogate.learning.models.training_config import SplitConfig
 from surrogate.learning.networks.field_network import FieldNetwork
 from surrogate.learning.probabilistic.likelihoods import Prediction, deterministic_loss

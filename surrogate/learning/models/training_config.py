@@ -11,7 +11,7 @@ from torch import Tensor
 from shared_schema.common.configuration import Frozen
 from surrogate.learning.data.samples import Location
 from surrogate.learning.networks.field_network import FieldNetwork
-from surrogate.learning.optim.optimisation_keys import (
+from surrogate.learning.optim.optimisers import (
     EarlyStoppingConfig,
     OptimiserConfig,
     ScheduleConfig,

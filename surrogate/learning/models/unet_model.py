@@ -12,14 +12,13 @@ from torch import Tensor, nn
 from shared_schema.common.errors import InputError
 from shared_schema.materials import Materials
 from surrogate.learning.data.samples import Samples
-from surrogate.learning.models.likelihood_keys import (
+from surrogate.learning.models.model import (
     Deterministic,
     MaximumLikelihood,
     VariationalBayes,
 )
 from surrogate.learning.models.network_model import NetworkModel
-from surrogate.learning.networks.field_network import FieldNetwork
-from surrogate.learning.networks.grid_fields import Input
+from surrogate.learning.networks.field_network import FieldNetwork, Input
 from surrogate.learning.networks.unet import UNet, UNetConfig
 from surrogate.learning.probabilistic.flipout import VariationalConvolutions
 from surrogate.learning.probabilistic.likelihoods import output_channels

@@ -1,10 +1,14 @@
-"""A network that maps fields in SI units: scaled input and output, supports held at zero."""
+"""A network that maps fields in SI units: scaled input and output, supports held at zero.
+
+Inputs are forces, and gradients of the response of the body to them.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any
+from math import prod
+from typing import Any, Literal
 
 import torch
 from torch import Tensor, nn
@@ -12,20 +16,43 @@ from torch.nn import functional
 
 from shared_schema.manifest import StructuredInfo
 from surrogate.learning.data.samples import Samples
-from surrogate.learning.networks.grid_fields import Input, channels_of
 from surrogate.learning.networks.load_count_factor import LoadCountFactor
-from surrogate.learning.probabilistic.ensemble import members_of
 from surrogate.learning.probabilistic.likelihoods import Prediction
+from surrogate.learning.probabilistic.stochastic_passes import members_of
 from surrogate.mechanics.body.free_components import at_components
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.equilibrium.linear_response import LinearResponse
 
+Input = Literal["force", "linear_gradient", "last_gradient"]
 AT_ONCE = 64  # samples that are prepared at once
 SMALLEST_SCALE = 1e-9  # relative to the displacement; float32 holds the variances of such errors
 SMALLEST_STD = 1e-6  # relative to the displacement scale; float32 resolves nothing finer
 ROUNDING = 2.0**-25  # of numbers in single precision, relative
 TINY = 1e-30  # no division by zero
 POWERS = (-10, 31)  # of two: shares of the linear response that are tried
+
+
+def channels_of(inputs: Sequence[Input], dimension: int) -> dict[Input, slice]:
+    """Return the channels of every input, in order: d of a force, d² of a gradient."""
+    channels: dict[Input, slice] = {}
+    start = 0
+    for name in inputs:
+        stop = start + (dimension if name == "force" else dimension**2)
+        channels[name] = slice(start, stop)
+        start = stop
+    return channels
+
+
+def at_points(grid: Tensor, points: Tensor) -> Tensor:
+    """Return the values at some points of grids: (N, d, nx, ny[, nz]) → (N, d · n_points)."""
+    return grid.flatten(2).index_select(2, points).flatten(1)
+
+
+def on_grid(values: Tensor, points: Tensor, like: Tensor) -> Tensor:
+    """Place values (N, d · n_points) on grids like others, with zeros elsewhere."""
+    fields = values.reshape(values.shape[0], like.shape[1], points.shape[0])
+    grid = fields.new_zeros(*fields.shape[:2], prod(like.shape[2:]))
+    return grid.index_copy(2, points, fields).reshape(values.shape[0], *like.shape[1:])
 
 
 class FieldNetwork(nn.Module):

@@ -17,7 +17,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from shared_schema.stiffness import Stiffness
-from surrogate.learning.networks.grid_fields import at_points, on_grid
+from surrogate.learning.networks.field_network import at_points, on_grid
 
 
 class LinearMap(nn.Module):

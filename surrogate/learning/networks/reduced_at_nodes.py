@@ -17,7 +17,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from surrogate.learning.networks.grid_fields import on_grid
+from surrogate.learning.networks.field_network import on_grid
 from surrogate.learning.networks.nodal_network import NodalNetwork
 from surrogate.learning.networks.reduced_network import ReducedNetwork
 from surrogate.mechanics.equilibrium.compliance import Compliance

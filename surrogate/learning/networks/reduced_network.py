@@ -27,14 +27,18 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from shared_schema.common.configuration import Frozen
-from surrogate.learning.networks.field_network import SMALLEST_STD
-from surrogate.learning.networks.grid_fields import at_points, on_grid
+from surrogate.learning.networks.field_network import SMALLEST_STD, at_points, on_grid
 from surrogate.learning.networks.layers import ACTIVATIONS, Activation
-from surrogate.learning.networks.modal_series import ModalSeries
-from surrogate.learning.networks.modes import LARGEST_SVD, chosen_rows, leading_modes, modal_encoder
-from surrogate.learning.probabilistic.ensemble import members_of
+from surrogate.learning.networks.modes import (
+    LARGEST_SVD,
+    ModalSeries,
+    chosen_rows,
+    leading_modes,
+    modal_encoder,
+)
 from surrogate.learning.probabilistic.flipout import FlipoutDense, VariationalConfig
 from surrogate.learning.probabilistic.likelihoods import Prediction
+from surrogate.learning.probabilistic.stochastic_passes import members_of
 
 
 class VariationalLayers(VariationalConfig):

@@ -18,7 +18,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from shared_schema.common.configuration import Frozen
-from surrogate.learning.networks.grid_fields import Input, channels_of
+from surrogate.learning.networks.field_network import Input, channels_of
 from surrogate.learning.networks.layers import (
     ACTIVATIONS,
     OVER_CHANNELS,

@@ -24,7 +24,7 @@ from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.data.joined_dataset import read_dataset
 from surrogate.learning.models.kinds import run_config
 from surrogate.learning.models.model import Model, TrainedModel
-from surrogate.learning.models.training_memory import training_memory
+from surrogate.learning.models.network_model import training_memory
 from surrogate.learning.probabilistic.likelihoods import Likelihood
 
 Architecture = Literal["unet", "reduced"]

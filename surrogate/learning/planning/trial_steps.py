@@ -10,16 +10,14 @@ from shared_schema.common.command_line import laid_out
 from shared_schema.common.errors import InputError
 from surrogate.learning.models.model import TrainedModel
 from surrogate.learning.networks.unet import parameter_count
-from surrogate.learning.runs.config_reader import Config, read_config
-from surrogate.learning.runs.recipes import Data
+from surrogate.learning.runs.config_reader import Config, Data, read_config
 from surrogate.learning.training.setup import (
     dataset_for,
     least_memory,
     make_trainer,
     split_for,
 )
-from surrogate.runtime.device import choose_device
-from surrogate.runtime.hardware import hardware
+from surrogate.runtime.device import choose_device, hardware
 
 SECONDS = 10.0  # of steps
 MOST = 50  # steps

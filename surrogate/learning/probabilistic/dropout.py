@@ -12,7 +12,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from surrogate.learning.probabilistic.drawn import Sample, drawn_for
+from surrogate.learning.probabilistic.stochastic_passes import Sample, drawn_for
 
 
 class ChannelDropout(nn.Module):

@@ -20,8 +20,8 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from shared_schema.common.configuration import Frozen
-from surrogate.learning.probabilistic.drawn import Sample, drawn_for
 from surrogate.learning.probabilistic.gaussian_parameter import GaussianParameter
+from surrogate.learning.probabilistic.stochastic_passes import Sample, drawn_for
 from surrogate.runtime.device import products_as_convolutions
 
 CONVOLVE: dict[int, Callable[..., Tensor]] = {2: functional.conv2d, 3: functional.conv3d}

@@ -14,7 +14,13 @@ does, so that a few large errors do not outweigh all others.
 
 Every loss is divided by the number of data (samples times components), and displacements are
 divided by their root mean square, so that losses of different cases are comparable; the minimiser
-is the same.
+is the same. The evidence lower bound is put together per datum (Eq. ELBO_expand),
+
+.. math:: -\frac{ELBO}{N F} = \frac{1}{N F} \sum_{i=1}^{N} \sum_{j=1}^{F} -\ln p(u_{ij} | f_i, w)
+   + κ \frac{1}{N F} \sum_{w} KL[q(w) | p(w)]
+
+over all N training samples, their F free components, and *all* random weights w. The factor κ is 1
+of the bound itself, and grows to its value in a warm-up (`VariationalConfig.factor`).
 """
 
 from __future__ import annotations
@@ -22,14 +28,18 @@ from __future__ import annotations
 import math
 from typing import Literal, NamedTuple
 
-from torch import Tensor
+import torch
+from torch import Tensor, nn
 
+from surrogate.learning.probabilistic.flipout import VariationalConfig, flipouts
 from surrogate.mechanics.body.free_components import at_components
 
 Likelihood = Literal["deterministic", "maximum_likelihood", "variational_bayes"]
 Loss = Literal["mse", "mae"]
 Errors = Literal["gaussian", "laplace"]
 INFORMATION: dict[Errors, tuple[float, float]] = {"gaussian": (1.0, 2.0), "laplace": (2.0, 1.0)}
+
+
 """Fisher information on μ/σ and on ln σ."""
 
 
@@ -110,3 +120,42 @@ def negative_log_likelihood(
         weight = std.detach() ** (2 * beta)
         nll = nll * (weight / weight.mean())
     return nll.mean()
+
+
+class EvidenceLowerBound:
+    """The bound of a network in training.
+
+    Parameters
+    ----------
+    network : nn.Module
+        Network with Flipout convolutions.
+    config : VariationalConfig
+    data : int
+        N · F, times the number of members of an ensemble: the bound is then the mean of theirs.
+    device : torch.device
+
+    Attributes
+    ----------
+    factor : Tensor, ()
+        κ at the current step.
+    """
+
+    def __init__(
+        self, network: nn.Module, config: VariationalConfig, data: int, device: torch.device
+    ) -> None:
+        self.layers = list(flipouts(network))
+        self.config, self.data = config, data
+        self.factor = torch.zeros((), device=device)
+
+    def set_step(self, step: int, steps: int) -> None:
+        """Set κ for a step (0 … steps − 1)."""
+        self.factor.fill_(self.config.factor(step, steps))
+
+    def kl_divergence(self) -> Tensor:
+        """KL divergence per datum, summed over all random weights, in nats."""
+        total = torch.stack([layer.kl_divergence() for layer in self.layers]).sum()
+        return total / self.data
+
+    def negative(self, negative_log_likelihood: Tensor, kl_divergence: Tensor) -> Tensor:
+        """Put the negative bound together from its two terms, both per datum, in nats."""
+        return negative_log_likelihood + self.factor * kl_divergence

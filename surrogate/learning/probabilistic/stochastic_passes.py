@@ -2,26 +2,99 @@
 
 The weights of pass t are a pure function of the seed and t, whatever the device and the number of
 passes done at once.
+
+Weights and masks that are drawn belong to the call, not to the modules: every thread may draw
+others, of the same network.
+
+The members of a deep ensemble (Lakshminarayanan et al. 2017) differ by their initial weights. All
+see the same batches, and the loss is the mean of their losses, so that each is trained as if it
+were alone. The standard deviation over the members is taken as the epistemic uncertainty.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any
+from contextvars import ContextVar
+from typing import Any, Protocol, runtime_checkable
 
 import torch
-from torch import nn
+from torch import Tensor, nn
 
 from shared_schema.common.errors import InputError
-from surrogate.learning.probabilistic.drawn import Drawn, drawables, using
 from surrogate.learning.probabilistic.gaussian_parameter import GaussianParameter
 from surrogate.runtime.seeds import PASS, stream
 
+Sample = tuple[Tensor, ...]  # of one module, for all passes: (passes, …) each
+Drawn = Mapping["Drawable", Sample]
+_drawn: ContextVar[Drawn | None] = ContextVar("drawn", default=None)
 DRAWN = 2**28  # weights drawn at once: a gigabyte
 PART_OF_FREE_MEMORY = 0.25  # what they may take of a GPU's, if that is more
 PASSES = 300  # of a prediction, as the paper's
 MOST_PASSES, MOST_SEED = 10**6, 2**63 - 1
+
+
+@runtime_checkable
+class Drawable(Protocol):
+    """A module with random weights or masks.
+
+    Attributes
+    ----------
+    fixed : tuple of Tensor, or None
+        What is used in all calls, as the constants of an exported or compiled network.
+    """
+
+    fixed: Sample | None
+
+    def draw(self, generators: Sequence[torch.Generator]) -> Sample:
+        """Draw one sample for each generator; inside `using`, a batch has as many equal chunks."""
+
+
+def drawables(network: nn.Module) -> list[Drawable]:
+    """Stochastic modules of a network; an empty list for a network that is not stochastic."""
+    return [module for module in network.modules() if isinstance(module, Drawable)]
+
+
+@contextmanager
+def using(drawn: Drawn) -> Iterator[None]:
+    """Enter a context, of this thread, in which modules use what is drawn for them."""
+    token = _drawn.set(drawn)
+    try:
+        yield
+    finally:
+        _drawn.reset(token)
+
+
+def drawn_for(module: Drawable) -> Sample | None:
+    """Return what a module uses in place of random weights or means; None outside of `using`."""
+    if module.fixed is not None or torch.compiler.is_dynamo_compiling():
+        return module.fixed
+    drawn = _drawn.get()
+    return None if drawn is None else drawn.get(module)
+
+
+class Ensemble(nn.Module):
+    """K networks side by side; their outputs are joined to a batch K times as long.
+
+    Parameters
+    ----------
+    members : iterable of nn.Module
+        Networks with the same inputs and outputs.
+    """
+
+    def __init__(self, members: Iterable[nn.Module]) -> None:
+        super().__init__()
+        self.members = nn.ModuleList(members)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Evaluate one member after the other: (N, …) → (K·N, …)."""
+        return torch.cat([member(x) for member in self.members])
+
+
+def members_of(network: nn.Module) -> int:
+    """Return the number of members of the ensemble in a network; 1 if there is none."""
+    ensembles = (module for module in network.modules() if isinstance(module, Ensemble))
+    return next((len(ensemble.members) for ensemble in ensembles), 1)
 
 
 class Passes:

@@ -1,6 +1,6 @@
 """A run: its configuration, its folder, and the split of its training samples.
 
-`recipes` are the configurations that come with the package, and `run_config` reads any. `folder`
+`config_reader` reads configurations, such as the recipes of the package. `folder`
 has the files of a run, `description` the content of its ``config.yaml``; `seal` and `metric_lines`
 check that nothing has changed. `shelf` finds the trained networks that come with the package.
 """
@@ -11,9 +11,9 @@ from shared_schema.common.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from surrogate.learning.models.kinds import run_config
+    from surrogate.learning.runs.config_reader import read_recipe
     from surrogate.learning.runs.description import DataFingerprint, RunDescription
     from surrogate.learning.runs.folder import RunFolder
-    from surrogate.learning.runs.recipes import read_recipe
     from surrogate.learning.runs.shelf import find_run, shelved
     from surrogate.runtime.tensor_file import load_tensors
 

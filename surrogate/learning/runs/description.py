@@ -1,11 +1,15 @@
-"""The description of a run: its configuration, and the dataset that it belongs to."""
+"""The description of a run: its configuration, and the dataset that it belongs to.
+
+The ``config.yaml`` of a run folder of version 1 lists every key of every kind of model.
+"""
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import BaseModel, Field, model_validator
 
 from shared_schema.common.configuration import Frozen, absent
 from shared_schema.common.errors import InputError
@@ -15,11 +19,47 @@ from shared_schema.materials import Materials, materials_of
 from surrogate.learning.data.load_range import LoadRange, load_range
 from surrogate.learning.models.kinds import RunConfig, kind_of
 from surrogate.learning.models.model import Model, TrainedModel
-from surrogate.learning.runs.legacy import upgraded
 from surrogate.mechanics.body.elements_of_case import element_of
 
 if TYPE_CHECKING:
     from surrogate.learning.data.dataset import Dataset
+
+RENAMED = {  # keys of version 1, by section
+    "variational": {"divergence": "kl_divergence", "spread": "posterior_std"},
+    "training": {"residency": "samples_on"},
+    "network": {"inputs": "force_transforms"},
+}
+
+
+def upgraded(run: Mapping[str, Any], kind: type[Model]) -> dict[str, Any]:
+    """Convert a configuration of version 1 to the present one of a kind of model.
+
+    Renamed keys get their present names. Keys that the kind of model does not read are dropped.
+    """
+    content = dict(run)
+    for section, names in RENAMED.items():
+        if isinstance(content.get(section), Mapping):
+            old = content[section].items()
+            content[section] = {names.get(key, key): value for key, value in old}
+    network, members = content.get("network"), content.get("ensemble", 1)
+    if isinstance(network, Mapping) and "force_transforms" in network:
+        used = network["force_transforms"][:members]
+        content["network"] = {**network, "force_transforms": used}
+    return _known(content, kind)
+
+
+def _known(content: Mapping[str, Any], model: type[BaseModel]) -> dict[str, Any]:
+    """Drop the keys that a configuration class does not have, also in nested sections."""
+    kept = {}
+    for name, value in content.items():
+        field = model.model_fields.get(name)
+        if field is None:
+            continue
+        section = field.annotation
+        if isinstance(value, Mapping) and inspect.isclass(section):
+            value = _known(value, section) if issubclass(section, BaseModel) else value
+        kept[name] = value
+    return kept
 
 
 class DataFingerprint(Frozen):
@@ -94,7 +134,7 @@ class Refinement(Frozen):
     Attributes
     ----------
     family : str
-        Random loads, as `surrogate.learning.data.load_families` reads them.
+        Random loads, as `surrogate.learning.data.case_loads` reads them.
     steps : int
     learning_rate : float
         That of the first step; it falls linearly to zero.

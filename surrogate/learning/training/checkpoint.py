@@ -17,7 +17,7 @@ import torch
 from torch import Tensor
 
 from shared_schema.common.errors import InputError, first_line
-from surrogate.runtime.hardware import memory_errors
+from surrogate.runtime.device import memory_errors
 from surrogate.runtime.tensor_file import load_tensors, save_atomically
 
 EARLIER = {"posterior_std": "spreads"}  # names in run folders of version 1

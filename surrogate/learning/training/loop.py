@@ -28,14 +28,12 @@ from surrogate.learning.models.model import Model, TrainedModel
 from surrogate.learning.models.training_config import RecalibratedTraining
 from surrogate.learning.networks.field_network import FieldNetwork
 from surrogate.learning.networks.unet import parameter_count
-from surrogate.learning.runs.config_reader import Config, read_config
+from surrogate.learning.runs.config_reader import Config, Data, read_config
 from surrogate.learning.runs.description import RunDescription, describe
 from surrogate.learning.runs.folder import RunFolder
-from surrogate.learning.runs.recipes import Data
 from surrogate.learning.training.checkpoint import load_checkpoint, save_checkpoint
 from surrogate.learning.training.data_parallel import joined
 from surrogate.learning.training.recalibration import recalibrate
-from surrogate.learning.training.remarks import advice, epoch_note, remark_on_start
 from surrogate.learning.training.sample_store import DeviceStore
 from surrogate.learning.training.setup import (
     Split,
@@ -45,13 +43,18 @@ from surrogate.learning.training.setup import (
     require_a_sample_each,
     require_options,
     split_for,
+    warm_start,
     warn_of_size,
 )
 from surrogate.learning.training.trainer import Trainer, all_finite
-from surrogate.learning.training.training_log import TrainingLog
+from surrogate.learning.training.training_log import (
+    TrainingLog,
+    advice,
+    epoch_note,
+    remark_on_start,
+)
 from surrogate.learning.training.validation import Reference, validate
-from surrogate.learning.training.warm_start import warm_start
-from surrogate.runtime.hardware import hardware
+from surrogate.runtime.device import hardware
 
 logger = logging.getLogger(__name__)
 DIVERGED = 1e3  # error of the validation samples in units of their displacements

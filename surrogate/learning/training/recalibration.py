@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from surrogate.learning.data.nodal_dataset import NodalSamples
+from surrogate.learning.data.samples import NodalSamples
 from surrogate.learning.inference.surrogate import Surrogate
 from surrogate.learning.networks.load_count_factor import KNOTS
 from surrogate.learning.probabilistic.calibration import half_width, negative_log_likelihood

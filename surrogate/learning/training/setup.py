@@ -1,40 +1,105 @@
-"""What a training starts with: its configuration checked against the data, samples and network."""
+"""What a training starts with: its configuration checked against the data, samples and network.
+
+A training that starts from another run begins with its weights and scales instead of random ones,
+so that its predictions are the same. Only factors of a recalibration are dropped; they belong to
+the finished network.
+"""
 
 from __future__ import annotations
 
 import logging
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import torch
 
 from shared_schema.common.bodies.equilibrium import size_warning
 from shared_schema.common.errors import InputError
 from surrogate.extensions import CONTRIB, at
+from surrogate.learning.data.body_check import BodyRecord, require_same_body
 from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.data.joined_dataset import read_dataset
 from surrogate.learning.data.mirror import with_mirror_images
 from surrogate.learning.data.samples import Samples
 from surrogate.learning.data.samples_on_disk import SamplesOnDisk
+from surrogate.learning.inference.loading import load
 from surrogate.learning.models.model import Model, TrainedModel
-from surrogate.learning.models.training_memory import training_memory
+from surrogate.learning.models.network_model import training_memory
 from surrogate.learning.networks.field_network import FieldNetwork
-from surrogate.learning.runs.recipes import Data
+from surrogate.learning.runs.config_reader import Data
+from surrogate.learning.runs.description import Origin
+from surrogate.learning.runs.folder import first_difference
 from surrogate.learning.runs.split import TrainingSplit, split_training
 from surrogate.learning.training.cuda_graph import can_capture
 from surrogate.learning.training.data_parallel import ALONE, Ranks
 from surrogate.learning.training.trainer import Trainer
 from surrogate.learning.training.training_log import require_tensorboard
 from surrogate.learning.training.validation import Reference
-from surrogate.learning.training.warm_start import WarmStart
-from surrogate.runtime.device import lay_out
-from surrogate.runtime.hardware import require_device_memory
+from surrogate.runtime.device import lay_out, require_device_memory
 from surrogate.runtime.seeds import ORDER, stream
+from surrogate.runtime.tensor_file import tensor_digest
 
+OWN_KEYS = ("name", "case", "recipe", "training", "seed")  # may differ from the other run's
 logger = logging.getLogger(__name__)
 FEW = 10  # training samples, below which a network predicts little but these
 Split = TrainingSplit[Samples | SamplesOnDisk]
+
+
+@dataclass(frozen=True)
+class WarmStart:
+    """The network of another run.
+
+    Attributes
+    ----------
+    network : FieldNetwork
+    origin : Origin
+    """
+
+    network: FieldNetwork
+    origin: Origin
+
+    def apply(self, network: FieldNetwork) -> None:
+        """Give a network of the same kind the weights and scales of the other run."""
+        network.load_state_dict(self.network.state_dict())
+        network.aleatoric_factor.fill_(1.0)
+        network.epistemic_factor.fill_(1.0)
+        network.count_factor.set([1.0], [1.0])
+
+
+def warm_start(run: str | Path, config: Model, dataset: Dataset) -> WarmStart:
+    """Read the run that a training starts from.
+
+    Raises
+    ------
+    InputError
+        If the run is not finished or damaged, its network is of another kind than the
+        configuration's, or its body is not that of the dataset.
+    """
+    where = f"--start-from '{run}'"
+    if not isinstance(config, TrainedModel):
+        raise InputError(f"{where}: config '{config.name}' is fitted directly, expected a network")
+    surrogate = load(run)
+    description = surrogate.description
+    theirs, ours = compared_keys(description.run), compared_keys(config)
+    if theirs != ours:
+        difference = first_difference(theirs, ours).replace("the folder has", "that run has")
+        raise InputError(f"{where}: config '{config.name}' has another {difference}")
+    require_same_body(
+        BodyRecord(description.data.case, surrogate.geometry.arrays()),
+        dataset.body,
+        where,
+    )
+    with torch.no_grad():
+        weights = tensor_digest(dict(surrogate.network.state_dict()), {})
+    origin = Origin(run=description.run.name, data=description.data.digest, weights=weights)
+    return WarmStart(surrogate.network, origin)
+
+
+def compared_keys(config: Model) -> dict[str, Any]:
+    """Return the keys of a configuration in which both runs have to agree."""
+    return {key: value for key, value in config.plain().items() if key not in OWN_KEYS}
 
 
 def require_options(stop_after: int | None, seconds: float, tensorboard: bool) -> None:

@@ -23,14 +23,12 @@ from surrogate.learning.models.model import TrainedModel
 from surrogate.learning.models.training_config import LikelihoodTraining
 from surrogate.learning.networks.field_network import FieldNetwork
 from surrogate.learning.networks.unet import normalised_biases
-from surrogate.learning.optim.early_stopping import EarlyStopping
+from surrogate.learning.optim.final_weights import EarlyStopping, WeightAverage
 from surrogate.learning.optim.gauss_newton import EVERY, GaussNewtonStd
 from surrogate.learning.optim.optimisers import make_optimisers, set_learning_rate
-from surrogate.learning.optim.weight_average import WeightAverage
-from surrogate.learning.probabilistic.elbo import EvidenceLowerBound
+from surrogate.learning.probabilistic.likelihoods import EvidenceLowerBound
 from surrogate.learning.training.checkpoint import Stateful
-from surrogate.learning.training.compilation import compiled
-from surrogate.learning.training.cuda_graph import CapturedStep, can_capture
+from surrogate.learning.training.cuda_graph import CapturedStep, can_capture, compiled
 from surrogate.learning.training.data_parallel import ALONE, Ranks
 from surrogate.learning.training.sample_store import SampleStore, prepared_store
 from surrogate.learning.training.validation import Reference, loss_per_datum, validate

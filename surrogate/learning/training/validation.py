@@ -17,8 +17,7 @@ from surrogate.learning.data.samples import Samples
 from surrogate.learning.data.samples_on_disk import SamplesOnDisk
 from surrogate.learning.models.model import Model
 from surrogate.learning.networks.field_network import FieldNetwork
-from surrogate.learning.networks.held_nodes import HeldNodes
-from surrogate.learning.networks.nodal_network import NodalNetwork
+from surrogate.learning.networks.nodal_network import HeldNodes, NodalNetwork
 from surrogate.learning.probabilistic.likelihoods import Prediction
 from surrogate.learning.training.sample_store import SampleStore
 from surrogate.runtime.device import convolutions

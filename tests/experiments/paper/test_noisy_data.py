@@ -17,7 +17,7 @@ from experiments.paper.noisy_data import (
     unreliable,
     without_noise,
 )
-from surrogate.learning.data.nodal_dataset import NodalSamples
+from surrogate.learning.data.samples import NodalSamples
 from surrogate.learning.measures.force_sweep import ForceSweep
 from tests.surrogate.force_sweeps import hand_made
 

@@ -6,7 +6,7 @@ import pytest
 
 from experiments.__main__ import main
 from experiments.paper.published_numbers import PAPER, SOURCE, Paper, as_yaml
-from surrogate.learning.evaluation.published import Published, read_published
+from surrogate.learning.evaluation.run_report import Published, read_published
 
 
 def test_numbers_of_tables_and_figures() -> None:

@@ -7,7 +7,7 @@ from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 from torch import Tensor
 
-from surrogate.contrib.gaussian_process import GaussianProcess
+from surrogate.contrib.regressions import GaussianProcess
 
 
 def data(count: int, seed: int = 0) -> tuple[Tensor, Tensor]:

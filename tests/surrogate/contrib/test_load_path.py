@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from surrogate.contrib.load_path import REMAINDER, follow, neighbours, random_changes
+from surrogate.contrib.sample_paths import REMAINDER, follow, neighbours, random_changes
 from surrogate.mechanics.certify.correction import correct
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load

@@ -5,7 +5,7 @@ import pytest
 import torch
 from sklearn.linear_model import Ridge
 
-from surrogate.contrib.ridge_regression import RidgeRegression, monomials
+from surrogate.contrib.regressions import RidgeRegression, monomials
 
 GENERATOR = torch.Generator()
 

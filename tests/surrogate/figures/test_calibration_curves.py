@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from surrogate.figures.calibration_curves import calibration_curves
+from surrogate.figures.curves import calibration_curves
 from surrogate.learning.probabilistic.calibration import CalibrationMeasures, measure_calibration
 from tests.surrogate.figures.pictures import assert_is_picture
 

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from surrogate.figures.loss_curves import loss_curves
+from surrogate.figures.curves import loss_curves
 from tests.surrogate.figures.pictures import assert_is_picture
 
 LINES = [

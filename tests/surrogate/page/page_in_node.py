@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
-from surrogate.page.body_data import body_data, surface_data
+from surrogate.page.body import body_data, surface_data
 
 Array = NDArray[np.float64]
 WEB = Path(__file__).parents[3] / "surrogate" / "page" / "web"

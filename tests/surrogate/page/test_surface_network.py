@@ -19,7 +19,7 @@ from surrogate.mechanics.statics.load import given_load
 from surrogate.page import body
 from surrogate.page.page import write_page
 from surrogate.page.page_loads import page_loads
-from surrogate.page.surface_network import (
+from surrogate.page.page_network import (
     PATCH,
     Rows,
     SurfaceNetwork,

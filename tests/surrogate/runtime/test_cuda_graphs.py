@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from surrogate import load
-from surrogate.learning.inference.fresh_loads import drawn_loads
+from surrogate.learning.inference.calibration import drawn_loads
 from surrogate.mechanics.series.series_response import SeriesResponse
 from surrogate.runtime.cuda_graphs import Replayed
 

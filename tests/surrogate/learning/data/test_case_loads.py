@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from surrogate.learning.data.case_loads import CaseLoads, trained_loads
-from surrogate.learning.data.load_families import RandomLoads
+from surrogate.learning.data.case_loads import CaseLoads, RandomLoads, trained_loads
 from tests.surrogate.mechanics.bodies import box
 
 WEIGHT = {"family": "body_force", "range": [-3.0, 5.0]}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shared_schema.common.errors import InputError
-from surrogate.learning.data.load_families import RandomLoads, random_loads
+from surrogate.learning.data.case_loads import RandomLoads, random_loads
 from surrogate.learning.inference.loading import load
 from tests.surrogate.mechanics.bodies import box
 

@@ -12,8 +12,7 @@ import yaml
 
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import read_manifest, write_manifest
-from surrogate.learning.evaluation.published import Published
-from surrogate.learning.evaluation.run_report import write_report
+from surrogate.learning.evaluation.run_report import Published, write_report
 
 PUBLISHED = Published(
     heading="theirs",

@@ -16,7 +16,7 @@ from surrogate.command_line import main
 from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.data.joined_dataset import read_dataset
 from surrogate.learning.evaluation.run_evaluation import evaluate
-from surrogate.learning.inference.calibrated_bounds import HeldOut, fit_intervals, fit_on_samples
+from surrogate.learning.inference.calibration import HeldOut, fit_intervals, fit_on_samples
 from surrogate.learning.inference.loading import load
 from surrogate.learning.runs.split import split_training
 from surrogate.mechanics.certify.conformal import Intervals

@@ -11,7 +11,7 @@ import pytest
 import surrogate
 from shared_schema.common.errors import InputError
 from surrogate.command_line import main
-from surrogate.learning.inference.fresh_loads import drawn_loads
+from surrogate.learning.inference.calibration import drawn_loads
 from surrogate.learning.runs.shelf import SHELF
 from surrogate.mechanics.statics.load import separated
 

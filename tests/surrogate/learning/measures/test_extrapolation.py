@@ -11,7 +11,7 @@ import pytest
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import read_manifest, write_manifest
 from surrogate.learning.data.joined_dataset import read_dataset
-from surrogate.learning.data.nodal_dataset import read_nodal_dataset
+from surrogate.learning.data.samples import read_nodal_dataset
 from surrogate.learning.evaluation.run_evaluation import Evaluation, evaluate
 
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from shared_schema.common.drawing.figure_style import make_figure
-from surrogate.figures.sweep_curves import scale_from_zero, sweep_curves
-from surrogate.learning.data.nodal_dataset import NodalSamples
+from surrogate.figures.curves import scale_from_zero, sweep_curves
+from surrogate.learning.data.samples import NodalSamples
 from surrogate.learning.inference.loading import load
 from surrogate.learning.measures.extrapolation import Extrapolation
 from surrogate.learning.measures.force_sweep import force_sweep

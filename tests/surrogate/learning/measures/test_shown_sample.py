@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from surrogate.learning.measures.shown_sample import find_example, tip_measures
+from surrogate.learning.measures.force_sweep import find_example, tip_measures
 
 TIP = 2
 

@@ -15,8 +15,8 @@ from shared_schema.common.errors import InputError
 from shared_schema.manifest import digest_of, read_manifest, write_manifest
 from shared_schema.shard import read_attributes, read_shard, write_shard
 from surrogate.command_line import main
+from surrogate.learning.data.case_loads import random_loads
 from surrogate.learning.data.joined_dataset import read_dataset
-from surrogate.learning.data.load_families import random_loads
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 
 SHARD = "shard-00000.h5"

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from surrogate.learning.data.dataset import Dataset
-from surrogate.learning.models.training_memory import training_memory
+from surrogate.learning.models.network_model import training_memory
 from surrogate.learning.models.unet_model import UNetModel
 from surrogate.learning.networks.unet import parameter_count
 

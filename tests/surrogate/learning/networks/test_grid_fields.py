@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from surrogate.learning.networks.grid_fields import at_points, channels_of, on_grid
+from surrogate.learning.networks.field_network import at_points, channels_of, on_grid
 
 
 def test_there_and_back() -> None:

@@ -17,7 +17,7 @@ from surrogate.learning.data.joined_dataset import read_dataset
 from surrogate.learning.inference.export import export
 from surrogate.learning.inference.loading import load
 from surrogate.learning.inference.surrogate import Surrogate
-from surrogate.learning.networks.held_nodes import Extension, HeldNodes, screened_laplacian
+from surrogate.learning.networks.nodal_network import Extension, HeldNodes, screened_laplacian
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from tests.surrogate.embedded_box import on_points
 from tests.surrogate.learning.data.test_embedded_dataset import embedded

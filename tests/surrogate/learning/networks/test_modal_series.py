@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from surrogate.learning.networks.modal_series import ModalSeries
+from surrogate.learning.networks.modes import ModalSeries
 
 
 def test_series_of_known_polynomials() -> None:

@@ -7,8 +7,7 @@ import torch
 from torch import Tensor
 
 from surrogate.learning.networks.unet import UNet, UNetConfig, parameter_count
-from surrogate.learning.optim.optimisation_keys import OptimiserConfig
-from surrogate.learning.optim.optimisers import make_optimisers
+from surrogate.learning.optim.optimisers import OptimiserConfig, make_optimisers
 from surrogate.learning.probabilistic.likelihoods import deterministic_loss
 
 

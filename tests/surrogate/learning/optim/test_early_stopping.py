@@ -16,8 +16,8 @@ from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.data.samples import Samples
 from surrogate.learning.models.kinds import run_config
 from surrogate.learning.models.unet_model import UNetModel
-from surrogate.learning.optim.early_stopping import EarlyStopping
-from surrogate.learning.optim.optimisation_keys import EarlyStoppingConfig
+from surrogate.learning.optim.final_weights import EarlyStopping
+from surrogate.learning.optim.optimisers import EarlyStoppingConfig
 from surrogate.learning.runs.folder import RunFolder
 from surrogate.learning.training.loop import train
 from surrogate.learning.training.trainer import Trainer

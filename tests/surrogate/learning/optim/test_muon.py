@@ -6,7 +6,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from surrogate.learning.optim.muon import Muon, orthogonalise
+from surrogate.learning.optim.optimisers import Muon, orthogonalise
 
 SHAPES = [(8, 8), (4, 36), (36, 4), (64, 576), (576, 64), (1, 5), (16, 17)]
 

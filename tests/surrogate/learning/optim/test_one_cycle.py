@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from surrogate.learning.optim.optimisation_keys import ScheduleConfig
+from surrogate.learning.optim.optimisers import ScheduleConfig
 
 
 def one_cycle_of_torch(steps: int, warmup: float, final: float) -> list[float]:

@@ -5,9 +5,13 @@ import torch
 from pydantic import ValidationError
 
 from surrogate.learning.networks.unet import UNet, UNetConfig
-from surrogate.learning.optim.muon import Muon
-from surrogate.learning.optim.optimisation_keys import OptimiserConfig, ScheduleConfig
-from surrogate.learning.optim.optimisers import make_optimisers, set_learning_rate
+from surrogate.learning.optim.optimisers import (
+    Muon,
+    OptimiserConfig,
+    ScheduleConfig,
+    make_optimisers,
+    set_learning_rate,
+)
 from surrogate.learning.probabilistic.flipout import VariationalConvolutions
 
 # There are 100 steps, the first 20 of them a warm-up with the factor (step + 1) / 20. After it, the

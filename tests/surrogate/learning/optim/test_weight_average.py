@@ -12,7 +12,7 @@ from shared_schema.common.errors import InputError
 from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.models.kinds import run_config
 from surrogate.learning.models.unet_model import UNetModel
-from surrogate.learning.optim.weight_average import WeightAverage
+from surrogate.learning.optim.final_weights import WeightAverage
 from tests.surrogate.resuming import assert_resumes, trained, untimed
 
 MakeConfig = Callable[..., UNetModel]

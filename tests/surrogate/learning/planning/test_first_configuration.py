@@ -13,8 +13,8 @@ import torch
 from shared_schema.common.errors import InputError
 from surrogate.command_line import main
 from surrogate.learning.data.dataset import Dataset
+from surrogate.learning.models.network_model import training_memory
 from surrogate.learning.models.reduced_model import ReducedModel
-from surrogate.learning.models.training_memory import training_memory
 from surrogate.learning.models.unet_model import UNetModel
 from surrogate.learning.planning import first_configuration as module
 from surrogate.learning.planning.first_configuration import FirstConfig, first_config

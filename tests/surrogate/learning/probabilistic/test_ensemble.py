@@ -14,8 +14,8 @@ from surrogate.learning.inference.loading import load
 from surrogate.learning.inference.surrogate import Surrogate
 from surrogate.learning.models.unet_model import UNetModel
 from surrogate.learning.networks.unet import parameter_count
-from surrogate.learning.probabilistic.ensemble import Ensemble
 from surrogate.learning.probabilistic.likelihoods import Prediction
+from surrogate.learning.probabilistic.stochastic_passes import Ensemble
 from surrogate.learning.runs.folder import RunFolder
 from surrogate.learning.training.loop import train
 from surrogate.learning.training.trainer import Trainer

@@ -18,7 +18,6 @@ from torch import Tensor, nn
 from torch.distributions import Normal, kl_divergence
 
 from surrogate.learning.networks.unet import UNet, UNetConfig
-from surrogate.learning.probabilistic.drawn import using
 from surrogate.learning.probabilistic.flipout import (
     CONVOLVE,
     FlipoutConvolution,
@@ -29,6 +28,7 @@ from surrogate.learning.probabilistic.flipout import (
     random_signs,
 )
 from surrogate.learning.probabilistic.gaussian_parameter import GaussianParameter
+from surrogate.learning.probabilistic.stochastic_passes import using
 from surrogate.runtime.device import convolutions
 
 PASSES = 1000

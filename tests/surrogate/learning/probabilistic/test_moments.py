@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 
+from surrogate.learning.probabilistic.distribution import Moments
 from surrogate.learning.probabilistic.likelihoods import Prediction
-from surrogate.learning.probabilistic.moments import Moments
 
 
 def test_moments_by_hand() -> None:

@@ -22,7 +22,6 @@ from surrogate.learning.models.unet_model import UNetModel
 from surrogate.learning.networks.field_network import FieldNetwork
 from surrogate.learning.networks.unet import UNet, UNetConfig
 from surrogate.learning.probabilistic.distribution import Distribution
-from surrogate.learning.probabilistic.drawn import Drawable, drawables
 from surrogate.learning.probabilistic.flipout import (
     FlipoutConvolution,
     VariationalConvolutions,
@@ -30,7 +29,12 @@ from surrogate.learning.probabilistic.flipout import (
 )
 from surrogate.learning.probabilistic.gaussian_parameter import GaussianParameter
 from surrogate.learning.probabilistic.likelihoods import Prediction
-from surrogate.learning.probabilistic.stochastic_passes import Passes, most_weights
+from surrogate.learning.probabilistic.stochastic_passes import (
+    Drawable,
+    Passes,
+    drawables,
+    most_weights,
+)
 from surrogate.learning.runs.description import describe
 from tests.surrogate.unet_configs import unet_config
 

@@ -10,8 +10,13 @@ from jsonschema import Draft202012Validator
 
 from shared_schema.common.configuration import read_yaml
 from surrogate.command_line import main
-from surrogate.learning.runs.config_schema import config_keys, config_schema
-from surrogate.learning.runs.recipes import SHIPPED, named, read_recipe
+from surrogate.learning.runs.config_reader import (
+    SHIPPED,
+    config_keys,
+    config_schema,
+    named,
+    read_recipe,
+)
 
 SCHEMA = config_schema()
 KEYS = config_keys()

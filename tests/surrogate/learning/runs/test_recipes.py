@@ -9,9 +9,8 @@ import pytest
 from shared_schema.common.errors import InputError
 from surrogate.command_line import main
 from surrogate.learning.data.dataset import Dataset
-from surrogate.learning.runs.config_reader import read_config
+from surrogate.learning.runs.config_reader import SHIPPED, file_of, read_config, read_recipe
 from surrogate.learning.runs.folder import RunFolder
-from surrogate.learning.runs.recipes import SHIPPED, file_of, read_recipe
 from tests.surrogate.recipe_names import NAMES
 
 

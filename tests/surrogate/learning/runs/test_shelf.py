@@ -18,10 +18,17 @@ from shared_schema.common.errors import InputError
 from shared_schema.manifest import MANIFEST
 from surrogate.command_line import main
 from surrogate.learning.runs import shelf
+from surrogate.learning.runs.config_reader import SHIPPED
 from surrogate.learning.runs.folder import RunFolder
-from surrogate.learning.runs.recipes import SHIPPED
-from surrogate.learning.runs.shelf import KEPT, KEPT_IF_THERE, find_run, shelve, shelved, size_of
-from surrogate.learning.runs.shipped_tables import Row
+from surrogate.learning.runs.shelf import (
+    KEPT,
+    KEPT_IF_THERE,
+    Row,
+    find_run,
+    shelve,
+    shelved,
+    size_of,
+)
 
 PACKAGE = Path(surrogate.__file__).parent
 NAMES = shelved()

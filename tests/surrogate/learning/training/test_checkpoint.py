@@ -9,8 +9,7 @@ from torch import nn
 
 from shared_schema.common.errors import InputError
 from surrogate.learning.networks.unet import UNet, UNetConfig
-from surrogate.learning.optim.optimisation_keys import OptimiserConfig
-from surrogate.learning.optim.optimisers import make_optimisers
+from surrogate.learning.optim.optimisers import OptimiserConfig, make_optimisers
 from surrogate.learning.training.checkpoint import load_checkpoint, save_checkpoint
 
 

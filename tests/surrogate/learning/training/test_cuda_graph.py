@@ -16,8 +16,7 @@ from surrogate.learning.data.samples import Samples
 from surrogate.learning.models.model import Model
 from surrogate.learning.models.unet_model import UNetModel
 from surrogate.learning.networks.unet import UNet, UNetConfig
-from surrogate.learning.optim.optimisation_keys import OptimiserConfig
-from surrogate.learning.optim.optimisers import make_optimisers, set_learning_rate
+from surrogate.learning.optim.optimisers import OptimiserConfig, make_optimisers, set_learning_rate
 from surrogate.learning.runs.folder import RunFolder
 from surrogate.learning.training import cuda_graph
 from surrogate.learning.training.cuda_graph import CapturedStep, can_capture

@@ -16,11 +16,11 @@ from surrogate.learning.inference.loading import load
 from surrogate.learning.measures.error_metrics import measure, sample_errors
 from surrogate.learning.models.kinds import run_config
 from surrogate.learning.models.unet_model import UNetModel
-from surrogate.learning.optim.early_stopping import EarlyStopping
+from surrogate.learning.optim.final_weights import EarlyStopping
 from surrogate.learning.runs.folder import RunFolder
 from surrogate.learning.runs.split import split_training
 from surrogate.learning.training.loop import train
-from surrogate.learning.training.remarks import advice, epoch_note
+from surrogate.learning.training.training_log import advice, epoch_note
 from tests.surrogate.embedded_box import on_points
 from tests.surrogate.learning.data.test_embedded_dataset import embedded
 

@@ -18,7 +18,7 @@ from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.models.unet_model import UNetModel
 from surrogate.learning.runs.folder import RunFolder
 from surrogate.learning.training.loop import train
-from surrogate.learning.training.remarks import going_on
+from surrogate.learning.training.training_log import going_on
 from tests.surrogate.resuming import untimed
 
 CPU = torch.device("cpu")

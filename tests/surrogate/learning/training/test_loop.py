@@ -26,7 +26,7 @@ from surrogate.learning.inference.loading import load
 from surrogate.learning.measures.error_metrics import measure
 from surrogate.learning.models.model import TrainedModel
 from surrogate.learning.models.unet_model import UNetModel
-from surrogate.learning.optim.optimisation_keys import ScheduleConfig
+from surrogate.learning.optim.optimisers import ScheduleConfig
 from surrogate.learning.runs.folder import RunFolder
 from surrogate.learning.runs.metric_lines import append_line
 from surrogate.learning.runs.split import split_training

@@ -9,7 +9,7 @@ import torch
 
 from shared_schema.common.errors import InputError
 from surrogate.learning.data.dataset import Dataset
-from surrogate.learning.data.nodal_dataset import NodalSamples
+from surrogate.learning.data.samples import NodalSamples
 from surrogate.learning.inference.loading import load
 from surrogate.learning.models.unet_model import UNetModel
 from surrogate.learning.networks.load_count_factor import LoadCountFactor

@@ -14,9 +14,9 @@ import pytest
 import torch
 
 from shared_schema.grid import Grid, grid_arrays
+from surrogate.learning.data.case_loads import RandomLoads
 from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.data.joined_dataset import read_dataset
-from surrogate.learning.data.load_families import RandomLoads
 from surrogate.learning.evaluation.run_evaluation import evaluate
 from surrogate.learning.inference.export import NodalFunction
 from surrogate.learning.inference.loading import load

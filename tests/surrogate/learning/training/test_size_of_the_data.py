@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from surrogate.learning.data.dataset import Dataset
-from surrogate.learning.data.nodal_dataset import NodalSamples
+from surrogate.learning.data.samples import NodalSamples
 from surrogate.learning.models.unet_model import UNetModel
 from surrogate.learning.training.loop import train
 from surrogate.learning.training.setup import warn_of_size

@@ -17,10 +17,9 @@ from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.models.model import TrainedModel
 from surrogate.learning.models.unet_model import UNetModel
 from surrogate.learning.networks.unet import UNet, UNetConfig, parameter_count
-from surrogate.learning.probabilistic.elbo import EvidenceLowerBound
 from surrogate.learning.probabilistic.flipout import VariationalConvolutions, flipouts
 from surrogate.learning.probabilistic.gaussian_parameter import GaussianParameter
-from surrogate.learning.probabilistic.likelihoods import Prediction
+from surrogate.learning.probabilistic.likelihoods import EvidenceLowerBound, Prediction
 from surrogate.learning.runs.folder import RunFolder
 from surrogate.learning.training.loop import train
 from surrogate.learning.training.trainer import Trainer

@@ -13,8 +13,8 @@ from torch import nn
 
 from shared_schema.common.errors import InputError
 from surrogate.learning.data.dataset import Dataset
+from surrogate.learning.inference.calibration import drawn_loads
 from surrogate.learning.inference.export import export, load_exported
-from surrogate.learning.inference.fresh_loads import drawn_loads
 from surrogate.learning.inference.loading import load
 from surrogate.learning.models.unet_model import UNetModel
 from surrogate.mechanics.certify.correction import correct

@@ -18,7 +18,7 @@ export interface Surfaces {
   surfaces: Int32Array;
 }
 
-/** The body of the page's mechanics, as `surrogate/page/body_data.py` writes it. */
+/** The body of the page's mechanics, as `surrogate/page/body.py` writes it. */
 export interface Body {
   d: number;
   /** Number of the points that are nodes of the mesh, the first ones. */

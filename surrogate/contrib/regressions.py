@@ -1,4 +1,13 @@
-r"""Gaussian process regression on nodal forces.
+r"""Regressions on nodal forces, which are fitted to the data directly, not trained step by step.
+
+Ridge regression on polynomials:
+
+.. math:: \min_{W, b} \frac{1}{N} \sum_n \|W φ(f_n) + b - c_n\|_2^2 + α \|W\|_2^2
+
+φ contains the monomials of the force components of each node, up to a given degree; it contains no
+products of forces at different nodes.
+
+Gaussian process regression:
 
 .. math:: k(f, f') = a \exp\left(-\frac{\|f - f'\|_2^2}{2 ℓ^2}\right) + σ_n^2 δ_{f f'}
 
@@ -8,15 +17,92 @@ independent, and share one kernel. Its parameters maximise the marginal likeliho
 
 from __future__ import annotations
 
+from itertools import product
+from typing import Any
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
 import torch
-from torch import Tensor
-
-from surrogate.contrib.fitted import Fitted
+from torch import Tensor, nn
 
 TUNING_SAMPLES = 500  # largest number for the kernel's parameters; a search step takes O(n³)
+
+
+class Fitted(nn.Module):
+    """A module whose tensors come from a fit, which also determines their shapes.
+
+    Parameters
+    ----------
+    names : str
+        Names of the tensors; they are empty until they are fitted or loaded.
+    """
+
+    def __init__(self, *names: str) -> None:
+        super().__init__()
+        self._names = names
+        for name in names:
+            self.register_buffer(name, torch.empty(0))
+
+    def _load_from_state_dict(self, state: dict[str, Any], prefix: str, *others: Any) -> None:
+        for name in self._names:
+            if prefix + name in state:
+                setattr(self, name, torch.empty_like(state[prefix + name]))
+        super()._load_from_state_dict(state, prefix, *others)
+
+
+class RidgeRegression(Fitted):
+    """Polynomial regression from nodal forces to several outputs.
+
+    Parameters
+    ----------
+    degree : int
+        Largest degree of the monomials.
+    penalty : float
+        Penalty α on the squared weights.
+
+    Attributes
+    ----------
+    weights : Tensor, (n_outputs, n_monomials)
+        Weights W.
+    intercept : Tensor, (n_outputs,)
+        Intercept b.
+    """
+
+    weights: Tensor
+    intercept: Tensor
+
+    def __init__(self, degree: int, penalty: float) -> None:
+        super().__init__("weights", "intercept")
+        self.degree, self.penalty = degree, penalty
+
+    def fit(self, force: Tensor, outputs: Tensor, generator: torch.Generator) -> None:
+        """Fit to samples: scaled forces (N, d, n_loaded) and outputs (N, n_outputs)."""
+        from sklearn.linear_model import Ridge
+
+        model = Ridge(alpha=self.penalty * len(force))
+        model.fit(monomials(force, self.degree).numpy(), outputs.numpy())
+        self.weights = torch.from_numpy(model.coef_).reshape(outputs.shape[1], -1)
+        self.intercept = torch.from_numpy(model.intercept_)
+
+    def forward(self, force: Tensor) -> tuple[Tensor, None]:
+        """Predict outputs (N, n_outputs); there are no standard deviations (None)."""
+        return monomials(force, self.degree) @ self.weights.T + self.intercept, None
+
+
+def monomials(force: Tensor, degree: int) -> Tensor:
+    """Return the monomials of the force components of each node, of degree 1 to `degree`.
+
+    Parameters
+    ----------
+    force : Tensor, (N, d, n_loaded)
+
+    Returns
+    -------
+    Tensor, (N, n_loaded · (binomial(d + degree, d) − 1))
+    """
+    powers = product(range(degree + 1), repeat=force.shape[1])
+    exponents = [torch.tensor(e, device=force.device) for e in powers if 0 < sum(e) <= degree]
+    return torch.cat([(force ** e[:, None]).prod(dim=1) for e in exponents], dim=1)
 
 
 class GaussianProcess(Fitted):
