@@ -26,7 +26,7 @@ def test_a_room_is_the_same_by_both_names() -> None:
 
 def test_a_module_is_the_same_by_both_names() -> None:
     with pytest.warns(DeprecationWarning, match="goes with the next release"):
-        from surrogate.mechanics.body.geometry import Geometry
+        from surrogate.data.geometry import Geometry  # type: ignore[import-not-found]
     from surrogate.mechanics.body import geometry
 
     assert Geometry is geometry.Geometry
