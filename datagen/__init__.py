@@ -17,11 +17,9 @@ from typing import TYPE_CHECKING
 from shared_schema.common.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from datagen.cases.case import Case, read_case
-    from datagen.cases.case_list import shipped_cases
+    from datagen.cases.case import Case, read_case, shipped_cases
     from datagen.cases.case_schema import case_keys, case_schema
     from datagen.contrib.plaid.exporting import export_plaid
-    from datagen.contrib.plaid.importing import import_plaid
     from datagen.farm.body_dataset import body
     from datagen.farm.farm import run
     from datagen.farm.run_estimate import DryRun, dry_run
@@ -49,7 +47,6 @@ __all__ = [
     "dry_run",
     "export",
     "export_plaid",
-    "import_plaid",
     "info",
     "plot",
     "read_case",

@@ -15,36 +15,16 @@ for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 # PETSc's own handler ends a closed pipe with an abort; without it Python raises BrokenPipeError
 os.environ["PETSC_OPTIONS"] = f"{os.environ.get('PETSC_OPTIONS', '')} -no_signal_handler".strip()
 
-from datagen.commands import (
-    body,
-    cases,
-    check,
-    export,
-    import_plaid,
-    info,
-    noise,
-    plot,
-    run,
-    schema,
-    solve,
-    structure,
-)
+from datagen.commands.export import add_export
+from datagen.commands.make import add_body, add_noise, add_run, add_structure
+from datagen.commands.show import add_check, add_info, add_list, add_plot, add_schema
+from datagen.commands.solve import add_solve
 from shared_schema.common.command_line import Parser, make_parser, parsed, run_command
 from shared_schema.common.errors import FAILED, InputError, StoppedError
 
 COMMANDS = (
-    body,
-    run,
-    structure,
-    noise,
-    solve,
-    check,
-    info,
-    plot,
-    export,
-    import_plaid,
-    cases,
-    schema,
+    *(add_body, add_run, add_structure, add_noise, add_solve, add_check),
+    *(add_info, add_plot, add_export, add_list, add_schema),
 )
 
 
@@ -110,7 +90,7 @@ def _parser() -> Parser:
     description = "Make datasets of large-deformation equilibria under families of nodal loads."
     parser, commands = make_parser("datagen", description, __version__, {"case": _case_names})
     for command in COMMANDS:
-        command.add_to(commands)
+        command(commands)
     return parser
 
 

@@ -23,8 +23,7 @@ from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from datagen.compiled_cache import writable
-from datagen.stale_locks import remove_stale_locks
+from datagen.compiled_cache import remove_stale_locks, writable
 from shared_schema.common.errors import WorkError, first_line
 
 P = ParamSpec("P")

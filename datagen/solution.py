@@ -19,9 +19,8 @@ from datagen.cases.case import CaseSource, read_case
 from datagen.cases.placed_body import points_of
 from datagen.mesh.distributed_mesh import Mesh
 from datagen.output.cell_stresses import CellStresses, reactions_of_supports
-from datagen.solver.contact.tool_contact import INSIDE, ToolContact, touched
-from datagen.solver.given_start import read_start, solve_from
-from datagen.solver.load_stepping import SolveReport, solve_load_case
+from datagen.solver.load_stepping import SolveReport, read_start, solve_from, solve_load_case
+from datagen.solver.tool_contact import INSIDE, ToolContact, touched
 from datagen.stability import with_stability
 from shared_schema.common.arguments import checked_arguments, real_numbers, require_type
 from shared_schema.common.bodies.command_loads import (

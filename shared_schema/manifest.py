@@ -21,7 +21,6 @@ from shared_schema.common.files import require_plain, write_text
 from shared_schema.layout import SCHEMA_VERSION, Kind
 
 MANIFEST = "manifest.json"
-PLAID = "infos.yaml"  # of a dataset in the PLAID format
 UNITS = {"length": "m", "force": "N", "stress": "Pa", "time": "s"}
 
 
@@ -278,11 +277,6 @@ def require_dataset(folder: Path) -> None:
         raise InputError(
             f"{folder}: unfinished, {unfinished.finished} of {unfinished.shards} shards; "
             f"{unfinished.how_to_go_on}"
-        )
-    if (folder / PLAID).is_file():
-        raise InputError(
-            f"{folder}: a dataset in the PLAID format; `datagen import` makes a nodal dataset "
-            "of it, and `datagen structure` that for training"
         )
     what = "no such dataset" if not folder.is_dir() else f"no {MANIFEST} in it"
     raise InputError(f"{folder}: {what}; expected a dataset made by datagen")

@@ -4,27 +4,92 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, Literal, NamedTuple, TypeAlias, TypeVar
 
-from pydantic import Field, SerializeAsAny, ValidationInfo, field_validator
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, SerializeAsAny, ValidationInfo, field_validator, model_validator
 
-from datagen.cases.dataset_settings import DatasetSettings
-from datagen.cases.support import Support
 from datagen.discretisation.element import Element
-from datagen.materials import material_of
 from datagen.mesh.geometries import Geometry
 from datagen.mesh.mesh_file import MeshFile
 from datagen.solver.settings import SolverSettings
 from shared_schema.common.arguments import checked_arguments
-from shared_schema.common.configuration import Frozen, changed, read_named, source_of, validate
+from shared_schema.common.configuration import (
+    Frozen,
+    absent,
+    changed,
+    read_named,
+    shipped_files,
+    source_of,
+    validate,
+)
 from shared_schema.common.errors import InputError
-from shared_schema.common.units import SI, Units
+from shared_schema.common.units import SI, Count, Seed, Units
 from shared_schema.load_cases import read_load_cases
 from shared_schema.loads import LoadFamily, load_family
+from shared_schema.loads.regions import AXES, Region
 from shared_schema.manifest import digest_of
-from shared_schema.materials import Material, Volumetric
+from shared_schema.materials import Material, Volumetric, material_of
 
+MOST_SHARDS = 100_000  # their file names have five digits
+Axis = Literal["x", "y", "z"]
 SHIPPED = Path(__file__).parents[1] / "configs"
+
+
+class DatasetSettings(Frozen):
+    """Number of samples, their seed, and their division into shards and splits.
+
+    Attributes
+    ----------
+    samples : int
+        Number of load cases, training and test together.
+    seed : int
+        Seed of the random loads; seed and sample number determine a load.
+    shard_size : int
+        Number of load cases in a shard, the unit in which work is distributed and stored.
+    test_fraction : float
+        Fraction of the samples that `datagen structure` puts into the test split.
+    """
+
+    samples: Count
+    seed: Seed = 0
+    shard_size: Count = 500
+    test_fraction: float = Field(0.05, gt=0, lt=1)
+
+    @model_validator(mode="after")
+    def _has_few_shards(self) -> DatasetSettings:
+        shards = -(-self.samples // self.shard_size)
+        if shards > MOST_SHARDS:
+            raise ValueError(
+                f"samples = {self.samples} in shards of shard_size = {self.shard_size} are "
+                f"{shards} shards, expected at most {MOST_SHARDS}"
+            )
+        return self
+
+
+class Support(Region):
+    """Region whose nodes do not move, or slide.
+
+    Attributes
+    ----------
+    components : tuple of "x", "y", "z", optional
+        Components of the displacement that are held at zero; all by default. Those of a symmetry
+        plane x = 0 are [x].
+    """
+
+    components: tuple[Axis, ...] | None = Field(None, min_length=1, exclude_if=absent)
+
+    @field_validator("components")
+    @classmethod
+    def _are_different(cls, value: tuple[Axis, ...] | None) -> tuple[Axis, ...] | None:
+        if value is not None and len(set(value)) != len(value):
+            raise ValueError("expected each component once")
+        return value
+
+    def holds(self, dimension: int) -> NDArray[np.bool_]:
+        """Components that are held, (d,)."""
+        return np.array([self.components is None or a in self.components for a in AXES[:dimension]])
 
 
 class Case(Frozen):
@@ -218,3 +283,47 @@ def read_case(
     except InputError as error:
         raise InputError(f"{source}: {error}") from None
     return found.model_copy(update={"mesh": mesh})
+
+
+class ShippedCase(NamedTuple):
+    """What one line says of a case.
+
+    Attributes
+    ----------
+    name : str
+    mesh : str
+        Elements of a box, or the file.
+    load : str
+        Names of its load families.
+    samples : int
+    line : str
+        What the case is.
+    """
+
+    name: str
+    mesh: str
+    load: str
+    samples: int
+    line: str
+
+
+def shipped_cases() -> list[ShippedCase]:
+    """List the cases that come with the package, by name."""
+    return [
+        ShippedCase(
+            name, _mesh(case["mesh"]), _load(case["load"]), case["dataset"]["samples"], line
+        )
+        for name, case, line in shipped_files(SHIPPED)
+    ]
+
+
+def _load(load: Any) -> str:
+    """Name the load families of a case."""
+    return " + ".join(each["family"] for each in (load if isinstance(load, list) else [load]))
+
+
+def _mesh(mesh: dict[str, Any]) -> str:
+    """Describe a mesh in few words: elements of a box, or the file."""
+    if mesh["kind"] == "box":
+        return " × ".join(map(str, mesh["elements"]))
+    return str(mesh.get("path", mesh["kind"]))

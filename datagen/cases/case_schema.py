@@ -6,10 +6,10 @@ import importlib
 from typing import Any
 
 from datagen.cases.case import Case
-from datagen.materials import OwnMaterial
 from shared_schema.common.configuration_keys import DIALECT, Key, Schema, json_schemas, keys_of
 from shared_schema.loads.family import SHIPPED, LoadFamily
 from shared_schema.materials import SHIPPED as SHIPPED_MATERIALS
+from shared_schema.materials import OwnMaterial
 
 TITLE = "Case of datagen"
 OWN_CLASS = "FILE.py:ClassName"

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from datagen.cases.case import Case
 from datagen.cases.rigid_motions import motion_problem
-from datagen.discretisation.element import element_kind
-from datagen.discretisation.locking import locking_warning
-from datagen.materials.fibre_directions import fibres_of_cells
-from datagen.mesh.split_nodes import split_warning
+from datagen.discretisation.element import element_kind, locking_warning
+from datagen.materials import fibres_of_cells
+from datagen.mesh.overlap import split_warning
 from shared_schema.common.bodies.cells import boundary_facets
 from shared_schema.common.bodies.groups import RawMesh, group_arrays
 from shared_schema.common.bodies.points_between import PointsBetween

@@ -1,1 +1,1 @@
-"""The commands of ``datagen``, one module each: its arguments, and what it does with them."""
+"""The commands of ``datagen``: their arguments, and what they do with them."""

@@ -5,15 +5,15 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from datagen.commands.options import add_nodal
+from datagen.commands.make import add_nodal
 from shared_schema.common.command_line import STRESSES, Commands, add_command
 from shared_schema.common.errors import InputError
 from shared_schema.common.files import require_writable
 from shared_schema.common.solution_file import require_suffix
 
 
-def add_to(commands: Commands) -> None:
-    """Add the command's parser."""
+def add_export(commands: Commands) -> None:
+    """Add ``datagen export``."""
     parser = add_command(
         commands,
         "export",
@@ -49,10 +49,10 @@ def add_to(commands: Commands) -> None:
     )
     plaid.add_argument("--owner", metavar="TEXT", help="owner of the dataset, for its infos.yaml")
     plaid.add_argument("--license", metavar="TEXT", help="its licence")
-    parser.set_defaults(command=run)
+    parser.set_defaults(command=_export)
 
 
-def run(options: argparse.Namespace) -> None:
+def _export(options: argparse.Namespace) -> None:
     """Write the series or the dataset."""
     import datagen
     from datagen.output.paraview_series import SUFFIXES

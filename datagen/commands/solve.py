@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from datagen.commands.options import add_case
+from datagen.commands.make import add_case
 from shared_schema.common.command_line import (
     STRESSES,
     Commands,
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from datagen.solver.load_stepping import SolveReport
 
 
-def add_to(commands: Commands) -> None:
-    """Add the command's parser."""
+def add_solve(commands: Commands) -> None:
+    """Add ``datagen solve``."""
     parser = add_command(
         commands,
         "solve",
@@ -64,10 +64,10 @@ def add_to(commands: Commands) -> None:
         metavar="FILE.(npz|vtu|xdmf)",
         help="fields at the nodes: force, displacement; with --stresses also of the cells",
     )
-    parser.set_defaults(command=run, collective=True)
+    parser.set_defaults(command=_solve, collective=True)
 
 
-def run(options: argparse.Namespace) -> None:
+def _solve(options: argparse.Namespace) -> None:
     """Solve, on all ranks together, and say how."""
     from mpi4py import MPI
 

@@ -24,8 +24,7 @@ from scipy.sparse import csr_array
 
 from datagen.discretisation.element import ElementKind
 from datagen.dolfinx_versions import cell_blocks, functionspace, mixed_space
-from datagen.mesh.distributed_mesh import Mesh
-from datagen.mesh.node_numbering import NodeNumbering, node_numbering
+from datagen.mesh.distributed_mesh import Mesh, NodeNumbering, node_numbering
 from shared_schema.common.bodies.points_between import NONE, PointsBetween
 
 

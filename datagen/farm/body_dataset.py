@@ -15,9 +15,13 @@ from numpy.typing import NDArray
 
 from datagen.cases.case import Case, CaseSource, read_case
 from datagen.cases.placed_body import PlacedBody, placed
-from datagen.farm.software_versions import software_versions
-from datagen.transforms.claim_folder import claim_folder, locked, remove_other_shards
-from datagen.transforms.running_statistics import RunningStatistics
+from datagen.transforms.written_dataset import (
+    RunningStatistics,
+    claim_folder,
+    locked,
+    remove_other_shards,
+    software_versions,
+)
 from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.bodies.cells import conformity_problem
 from shared_schema.common.bodies.nodal_forces import scatter_forces

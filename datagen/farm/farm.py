@@ -18,14 +18,20 @@ from mpi4py import MPI
 from datagen.cases.body import Body, make_body
 from datagen.cases.case import Case, CaseSource, read_case
 from datagen.discretisation.element import element_kind
-from datagen.farm.interruption import Interruption
 from datagen.farm.journal import Journal
 from datagen.farm.shard_job import ShardJob, merged
-from datagen.farm.software_versions import software_versions
-from datagen.farm.work_desk import WorkDesk
-from datagen.farm.work_plan import Piece, plan, shard_count, shard_name, shard_samples
+from datagen.farm.work_desk import (
+    Interruption,
+    Piece,
+    WorkDesk,
+    plan,
+    shard_count,
+    shard_name,
+    shard_samples,
+)
 from datagen.output.undeformed_stiffness import stiffness_of
 from datagen.ranks import RankGroup, on_rank_zero
+from datagen.transforms.written_dataset import software_versions
 from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.bodies.groups import RawMesh
 from shared_schema.common.errors import InputError, StoppedError, WorkError

@@ -20,7 +20,7 @@ from typing import Any
 
 from datagen.cases.case import Case
 from datagen.discretisation.element import element_kind
-from datagen.farm.work_plan import shard_name
+from datagen.farm.work_desk import shard_name
 from shared_schema.common.bodies.reference_cells import CORNERS
 from shared_schema.common.configuration import difference_text, differences, validate
 from shared_schema.common.errors import InputError

@@ -18,7 +18,7 @@ from mpi4py import MPI
 from datagen.cases.body import make_body
 from datagen.cases.case import CaseSource, read_case
 from datagen.farm.shard_job import ShardJob
-from datagen.farm.work_plan import shard_count
+from datagen.farm.work_desk import shard_count
 from datagen.output.undeformed_stiffness import stiffness_of
 from datagen.ranks import RankGroup
 from shared_schema.common.arguments import checked_arguments

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from datagen.cases.body import Body
 from datagen.cases.case import Case
 from datagen.ranks import on_rank_zero
-from datagen.solver.contact.tool_contact import INSIDE, touched
 from datagen.solver.load_stepping import solve_load_case
+from datagen.solver.tool_contact import INSIDE, touched
 from datagen.stability import with_stability
 from shared_schema.common.bodies.equilibrium import size_warning
 from shared_schema.common.errors import InputError

@@ -5,23 +5,38 @@ between the Newton iterations of its own solves. Samples are counted where they 
 counts travel with the questions, and alone only after a while. Nothing else is sent between groups,
 so that any network will do. A rank ends itself when the program that started it, mpirun or its
 daemon, has ended: Open MPI 5 leaves ranks behind when it loses a node.
+
+Pieces of work are first whole shards, then small pieces. A piece that is a whole shard is
+written once, directly. The small pieces at the end let all groups finish at almost the same time,
+at most the time of one small piece apart. A sample does not depend on the piece it is solved in.
+
+SIGINT and SIGTERM are recorded, so that the work can stop at a safe point.
 """
 
 from __future__ import annotations
 
 import os
+import signal
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from types import FrameType, TracebackType
+from typing import Any
 
 from mpi4py import MPI
 
+from datagen.cases.case import Case
 from shared_schema.common.errors import FAILED
 
 QUESTION, ANSWER, STOP, CLOSED = 1, 2, 3, 4  # tags
 LOOK = 1e-3  # seconds between two looks of rank 0 at its questions, at least
 WAIT = 1e-4  # seconds between two looks of another rank for its answer
 TELL = 0.5  # seconds after which counts are sent alone
+TAIL = 2  # divided shards per group: enough that the last whole shard ends before they do
+PIECES = 10  # pieces of a divided shard, at least
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 class WorkDesk:
@@ -166,3 +181,96 @@ class WorkDesk:
             self._sent += [
                 self._comm.isend(True, dest=leader, tag=STOP) for leader in self._leaders[1:]
             ]
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A piece of work: samples of one shard that a group of ranks solves.
+
+    Attributes
+    ----------
+    shard : int
+        Number of the shard.
+    numbers : tuple of int
+        Sample numbers, ascending.
+    of : int
+        Number of pieces into which the unsolved samples of the shard are divided.
+    """
+
+    shard: int
+    numbers: tuple[int, ...]
+    of: int
+
+
+def shard_count(case: Case) -> int:
+    """Number of shards of the dataset."""
+    return -(-case.dataset.samples // case.dataset.shard_size)
+
+
+def shard_name(shard: int) -> str:
+    """File name of a shard."""
+    return f"shard-{shard:05d}.h5"
+
+
+def shard_samples(case: Case, shard: int) -> range:
+    """Sample numbers of a shard."""
+    size = case.dataset.shard_size
+    return range(shard * size, min((shard + 1) * size, case.dataset.samples))
+
+
+def plan(remaining: Mapping[int, Sequence[int]], groups: int) -> list[Piece]:
+    """Divide the unsolved samples of a dataset into pieces, in the order in which they are taken.
+
+    Parameters
+    ----------
+    remaining : mapping of int to sequence of int
+        Unsolved sample numbers of each unfinished shard, ascending; they may be empty.
+    groups : int
+        Number of groups of ranks that share the work.
+    """
+    shards = sorted(remaining)
+    tail = shards[-TAIL * groups :] if groups > 1 else []
+    pieces_each = max(PIECES, -(-PIECES * groups // max(1, len(tail))))
+    pieces: list[Piece] = []
+    for shard in shards:
+        numbers = tuple(remaining[shard])
+        count = min(pieces_each, max(1, len(numbers))) if shard in tail else 1
+        bounds = [len(numbers) * i // count for i in range(count + 1)]
+        for start, stop in pairwise(bounds):
+            pieces.append(Piece(shard, numbers[start:stop], count))
+    return pieces
+
+
+class Interruption:
+    """Context in which a first signal is only recorded; a second one acts as usual.
+
+    Attributes
+    ----------
+    asked : bool
+        True if a signal has come.
+    """
+
+    def __init__(self) -> None:
+        self.asked = False
+        self._before: dict[signal.Signals, Any] = {}
+
+    def __enter__(self) -> Interruption:
+        for number in SIGNALS:
+            self._before[number] = signal.signal(number, self._note)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._restore()
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        self.asked = True
+        self._restore()
+
+    def _restore(self) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from datagen.mesh.group_names import Group
+from datagen.mesh.groups import Group
 from datagen.mesh.raw_mesh import raw_mesh
 from shared_schema.common.bodies.groups import KINDS, RawMesh
 from shared_schema.common.errors import first_line
@@ -70,7 +70,7 @@ def mesh_of(model: Any) -> RawMesh:
 
     If physical groups of the highest dimension are defined, the mesh consists of their cells,
     otherwise of all cells. Every physical group becomes a group of nodes, under its name or number
-    (`datagen.mesh.group_names.by_name`), with its facets or cells.
+    (`datagen.mesh.groups.by_name`), with its facets or cells.
 
     Raises
     ------

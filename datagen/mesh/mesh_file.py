@@ -20,8 +20,13 @@ from pydantic import Field, PrivateAttr, model_validator
 
 from datagen.mesh.files.abaqus_file import is_of_abaqus, mesh_of_abaqus
 from datagen.mesh.files.cad_file import is_cad, mesh_of_cad
-from datagen.mesh.files.gmsh_file import is_of_gmsh, is_script, mesh_by_gmsh
-from datagen.mesh.files.gmsh_script import constants_of, require_harmless
+from datagen.mesh.files.gmsh_file import (
+    constants_of,
+    is_of_gmsh,
+    is_script,
+    mesh_by_gmsh,
+    require_harmless,
+)
 from datagen.mesh.files.meshio_file import mesh_by_meshio
 from datagen.mesh.files.surface_file import is_surface, mesh_inside
 from datagen.mesh.overlap import overlap_problem

@@ -1,4 +1,4 @@
-r"""Cells that lie over others without sharing a facet with them.
+r"""Cells that lie over others without sharing a facet with them, and places where a body is split.
 
 In a mesh whose neighbours lie on opposite sides of their facets, the number of cells that cover a
 point changes only at the boundary. Where it is two or more, some cell at the boundary overlaps
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from shared_schema.common.bodies.cells import FACETS, boundary_facets, cell_names
+from shared_schema.common.bodies.nodal_forces import COINCIDENT
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -165,3 +166,20 @@ def _not_apart(some: Array, others: Array, axes: Array, touching: Array) -> NDAr
     depth = np.minimum(a.max(axis=2), b.max(axis=2)) - np.maximum(a.min(axis=2), b.min(axis=2))
     parallel = length <= 1e-9 * length.max(axis=1, keepdims=True)
     return np.asarray(((depth > touching[:, None] * length) | parallel).all(axis=1))
+
+
+def split_warning(coordinates: NDArray[np.float64]) -> str | None:
+    """Say where parts of a body touch and share no nodes, (n_nodes, d) in m; None if nowhere.
+
+    Programs that mesh each part for itself leave the nodes between them twice, where a body would
+    be torn; a crack is meant so.
+    """
+    distance = COINCIDENT * float(np.ptp(coordinates, axis=0).max())
+    pairs = cKDTree(coordinates).query_pairs(distance, output_type="ndarray")
+    if not len(pairs):
+        return None
+    at = ",".join(f"{value:g}" for value in coordinates[pairs.min()])
+    return (
+        f"{len(np.unique(pairs))} nodes share their places with others, the first at {at}: the "
+        "body is split there, expected parts that share their nodes if it is no crack"
+    )

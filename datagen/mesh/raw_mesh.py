@@ -10,8 +10,15 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from datagen.mesh.group_names import Blocks, CellSets, Group, by_name, dimension_of, nodes_of_cells
-from datagen.mesh.group_parts import parts_of_groups
+from datagen.mesh.groups import (
+    Blocks,
+    CellSets,
+    Group,
+    by_name,
+    dimension_of,
+    nodes_of_cells,
+    parts_of_groups,
+)
 from shared_schema.common.bodies.cells import (
     CELL_TYPES,
     NEIGHBOURS,

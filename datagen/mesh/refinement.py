@@ -12,7 +12,7 @@ from itertools import combinations, product
 import numpy as np
 from numpy.typing import NDArray
 
-from datagen.mesh.group_parts import facets_of_cells
+from datagen.mesh.groups import facets_of_cells
 from shared_schema.common.bodies.cells import boundary_facets
 from shared_schema.common.bodies.groups import GroupParts, RawMesh
 from shared_schema.common.bodies.reference_cells import CORNERS

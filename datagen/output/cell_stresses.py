@@ -24,8 +24,8 @@ from datagen.dolfinx_versions import (
     point_expression,
 )
 from datagen.solver.equilibrium import EquilibriumProblem
-from datagen.solver.forms.strain_energy import completed, deformation_gradient, energy_density
-from datagen.solver.forms.weak_form import cell_volumes, kernels_of
+from datagen.solver.strain_energy import completed, deformation_gradient, energy_density
+from datagen.solver.weak_form import cell_volumes, kernels_of
 from shared_schema.common.bodies.equilibrium import mean_edge, stress_fields
 from shared_schema.materials import Material
 

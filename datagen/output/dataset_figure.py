@@ -12,8 +12,7 @@ from matplotlib.gridspec import GridSpec
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from datagen.output.dataset_body import DatasetBody
-from datagen.output.nodal_samples import NodalSamples, Sample
+from datagen.output.nodal_samples import DatasetBody, NodalSamples, Sample
 from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.drawing.drawing import Drawing
 from shared_schema.common.drawing.figure_style import (

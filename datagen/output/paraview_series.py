@@ -14,7 +14,6 @@ import re
 import shutil
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from io import FileIO
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -27,13 +26,14 @@ from datagen.output.nodal_samples import NodalSamples, Sample
 from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.errors import InputError
 from shared_schema.common.files import PARTIAL, complete_or_absent
+from shared_schema.common.machine import require_memory
 from shared_schema.common.progress import Progress
 from shared_schema.common.solution_file import flat, in_space, require_suffix, write_solution
 from shared_schema.materials import as_tuple, materials_of
 
 SUFFIXES = (".xdmf", ".pvd")
 FIRST = 100  # number of samples, if no range is given
-MARGIN = 1 << 18  # bytes that HDF5 may add to the arrays of a sample
+BYTES = 144, 480  # of a node, and of a cell with stresses: twice what the file has
 MADE_BY = "made_by"  # attribute of an .h5 file that this module wrote
 OURS = "datagen export"
 
@@ -72,8 +72,9 @@ def export(
     ------
     InputError
         If there is no intact nodal dataset, it has no such samples, or the file or folder beside
-        `out` would replace something that was not exported before; with `stresses`, if the
-        dataset has no record of the energy of a user's own material (earlier versions).
+        `out` would replace something that was not exported before; the arrays of an .xdmf file do
+        not fit the memory; with `stresses`, if the dataset has no record of the energy of a user's
+        own material (earlier versions).
     OSError
         If the files cannot be written.
     """
@@ -88,6 +89,10 @@ def export(
         text = samples if isinstance(samples, str) else f"{samples.start}:{samples.stop}"
         numbers = dataset.within(text)
     write = _write_xdmf if path.suffix == ".xdmf" else _write_pvd
+    if write is _write_xdmf:
+        size = BYTES[0] * len(dataset.coordinates) + BYTES[1] * len(dataset.cells) * stresses
+        what = f"--out '{path}': {len(numbers)} samples in one file (--samples, or .pvd)"
+        require_memory(size * len(numbers), what)
     fields = _with_stresses(dataset, folder) if stresses else _fields
     with _both(path, data) as (partial, partial_data):
         write(partial, partial_data, data.name, dataset, _in_turn(dataset, numbers), fields)
@@ -156,93 +161,38 @@ def _write_xdmf(
     samples: Iterable[Sample],
     fields: Callable[[Sample], Fields],
 ) -> None:
-    with _Series(path, data, name) as series:
+    with _Series(path, name) as series:
         mesh = in_space(dataset.coordinates), [(dataset.cell_type, dataset.cells)]
         series.write_points_cells(*mesh)
         for sample in samples:
             nodal, of_cells = fields(sample)
             by_block = {name: [flat(values)] for name, values in of_cells.items()}
             series.write_data(sample.number, nodal, by_block)
+        series.h5_file.flush()
+        data.write_bytes(series.h5_file.id.get_file_image())
 
 
 class _Series(TimeSeriesWriter):
-    """meshio's writer, with the arrays in a given file instead of the working folder.
+    """meshio's writer, with the arrays in memory instead of a file in the working folder.
+
+    HDF5 crashes if the disk is full, where Python raises an OSError.
 
     Parameters
     ----------
-    path, data : Path
-        Paths of the index and of the arrays to write.
+    path : Path
+        Path of the index to write.
     name : str
         Name of the file of the arrays in the index.
     """
 
-    def __init__(self, path: Path, data: Path, name: str) -> None:
+    def __init__(self, path: Path, name: str) -> None:
         super().__init__(path)
         self.h5_filename = name
-        self._file = _ReservedFile(data)
+        self.h5_file = h5py.File(name, "w", driver="core", backing_store=False)
+        self.h5_file.attrs[MADE_BY] = OURS
 
     def __enter__(self) -> _Series:
-        self._file.reserve(0)
-        self._file.truncate(0)  # HDF5 begins with an empty file
-        self.h5_file = h5py.File(self._file, "w")
-        self.h5_file.attrs[MADE_BY] = OURS
         return self
-
-    def write_points_cells(self, points: Any, cells: Any) -> None:
-        self._file.reserve(points.nbytes + sum(block.nbytes for _, block in cells))
-        super().write_points_cells(points, cells)
-
-    def write_data(self, t: float, point_data: Any, cell_data: Any) -> None:
-        of_cells = sum(block.nbytes for blocks in cell_data.values() for block in blocks)
-        self._file.reserve(sum(values.nbytes for values in point_data.values()) + of_cells)
-        super().write_data(t, point_data=point_data, cell_data=cell_data)
-
-    def __exit__(self, *error: Any) -> None:
-        super().__exit__(*error)
-        self._file.close()
-        self._file.check()
-
-
-class _ReservedFile(FileIO):
-    """A new file in which room is reserved before HDF5 writes.
-
-    HDF5 crashes if a write raises an error, for instance on a full disk. So `reserve` raises it
-    before. An error in spite of it is kept for `check`.
-    """
-
-    def __init__(self, path: Path) -> None:
-        super().__init__(path, "w+")
-        self._end = 0
-        self._error: OSError | None = None
-
-    def reserve(self, size: int) -> None:
-        """Reserve room at the end for `size` bytes of arrays and what HDF5 adds to them."""
-        self.check()
-        os.posix_fallocate(self.fileno(), self._end, size + MARGIN)
-
-    def write(self, content: Any) -> int:
-        left = memoryview(content)
-        with self._held_back():
-            while left:
-                left = left[super().write(left) :]
-        self._end = max(self._end, self.tell())
-        return memoryview(content).nbytes
-
-    def truncate(self, size: int | None = None) -> int:
-        with self._held_back():
-            super().truncate(size)
-        return size or 0
-
-    def check(self) -> None:
-        if self._error is not None:
-            raise self._error
-
-    @contextmanager
-    def _held_back(self) -> Iterator[None]:
-        try:
-            yield
-        except OSError as error:
-            self._error = self._error or error
 
 
 def _write_pvd(

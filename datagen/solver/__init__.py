@@ -6,10 +6,9 @@ from shared_schema.common.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from datagen.solver.equilibrium import EquilibriumProblem
-    from datagen.solver.forms.strain_energy import deformation_gradient, energy_density
-    from datagen.solver.given_start import solve_from
-    from datagen.solver.load_stepping import solve_load_case
+    from datagen.solver.load_stepping import solve_from, solve_load_case
     from datagen.solver.settings import SolverSettings
+    from datagen.solver.strain_energy import deformation_gradient, energy_density
 
 __all__ = [
     "EquilibriumProblem",

@@ -6,7 +6,7 @@ The unknown is the displacement :math:`u`, (n_nodes, d) in m. In equilibrium the
 .. math:: R(u) = f_{int}(u) - s f - s f_p(u) = 0 \quad \text{at free nodes}, \qquad
           u = 0 \quad \text{at clamped nodes}, \qquad u = s \bar u \quad \text{where prescribed},
 
-with the internal forces :math:`f_{int}` of `datagen.solver.forms.weak_form`, the dead load
+with the internal forces :math:`f_{int}` of `datagen.solver.weak_form`, the dead load
 :math:`f` in N, the forces :math:`f_p` of pressures that follow the surface
 (`datagen.solver.acting_load`), and the load factor :math:`s`, the part of the load that acts.
 Newton's method (`datagen.solver.newton`) finds u with the tangent
@@ -38,17 +38,15 @@ from datagen.discretisation.unknowns import Unknowns
 from datagen.dolfinx_versions import create_vector
 from datagen.mesh.distributed_mesh import Mesh
 from datagen.solver.acting_load import ActingLoad
-from datagen.solver.assembly import DistributedAssembly, SerialAssembly
+from datagen.solver.assembly import DistributedAssembly, MinimumJ, SerialAssembly
 from datagen.solver.corotation import Corotation
-from datagen.solver.drag import Drag
-from datagen.solver.forms.fibre_field import fibre_field
-from datagen.solver.forms.weak_form import weak_form
 from datagen.solver.linear_solver import chosen_solver
 from datagen.solver.load_series import LoadSeries
-from datagen.solver.minimum_jacobian import MinimumJ
 from datagen.solver.newton import Newton, NewtonResult, reason_name, round_off
 from datagen.solver.settings import SolverSettings
-from datagen.solver.supports import Supports
+from datagen.solver.strain_energy import fibre_field
+from datagen.solver.supports import Drag, Supports
+from datagen.solver.weak_form import weak_form
 from shared_schema.common.bodies.equilibrium import ForceTolerance, mean_edge
 from shared_schema.materials import Material
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from datagen.transforms.claim_folder import claim_folder, locked, remove_other_shards
+from datagen.transforms.written_dataset import claim_folder, locked, remove_other_shards
 from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.errors import InputError
 from shared_schema.common.progress import Progress

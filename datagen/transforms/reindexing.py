@@ -9,10 +9,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from datagen.cases.dataset_settings import DatasetSettings
+from datagen.cases.case import DatasetSettings
 from datagen.discretisation.element import Element, element_kind
 from datagen.output.undeformed_stiffness import stiffness_of
-from datagen.transforms.claim_folder import claim_folder, locked, remove_other_shards
 from datagen.transforms.grid_choice import (
     embedded,
     embedded_within,
@@ -21,7 +20,12 @@ from datagen.transforms.grid_choice import (
     require_grid_memory,
     round_trip_errors,
 )
-from datagen.transforms.running_statistics import RunningStatistics
+from datagen.transforms.written_dataset import (
+    RunningStatistics,
+    claim_folder,
+    locked,
+    remove_other_shards,
+)
 from shared_schema.checker import require_intact
 from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.bodies.nodal_forces import scatter_forces
@@ -46,7 +50,7 @@ from shared_schema.materials import materials_of
 from shared_schema.shard import write_shard
 from shared_schema.stiffness import Stiffness, read_stiffness, write_stiffness
 
-IMPORT = "import"  # name of the step that made a dataset of other files, with its split
+IMPORT = "import"  # name of a step of before, which made a dataset of PLAID files with its split
 KEPT = ("samples/stable", "samples/force_between")
 SPLIT_STREAM = 1  # keeps the split's random numbers apart from those of the loads
 

@@ -7,7 +7,7 @@ The tool is a rigid ball that is pressed into the surface at a random place, a d
 Its centre is :math:`c = X_a + (R - δ) \, m` with a random node a of the region, the radius R, the
 depth δ by which it overlaps the undeformed body there, and a direction m about the outward normal
 of the surface. The body keeps out of it, without friction
-(`datagen.solver.contact.tool_contact`). A dataset holds the forces of the contact as nodal forces:
+(`datagen.solver.tool_contact`). A dataset holds the forces of the contact as nodal forces:
 as dead loads they give the same displacement.
 """
 

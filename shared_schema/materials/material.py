@@ -130,7 +130,46 @@ ARRAYS: Functions = _OfArrays()
 Array = NDArray[np.float64]
 
 
-class Jet:
+class Arithmetic(ABC):
+    """Operations that follow from sum, product and power, with numbers as well."""
+
+    __array_ufunc__ = None  # a NumPy scalar leaves the arithmetic to this
+
+    @abstractmethod
+    def __add__(self, other: Any) -> Any: ...
+
+    @abstractmethod
+    def __mul__(self, other: Any) -> Any: ...
+
+    @abstractmethod
+    def __pow__(self, exponent: float) -> Any: ...
+
+    def __radd__(self, other: Any) -> Any:
+        return self + other
+
+    def __rmul__(self, other: Any) -> Any:
+        return self * other
+
+    def __neg__(self) -> Any:
+        return self * -1.0
+
+    def __pos__(self) -> Any:
+        return self
+
+    def __sub__(self, other: Any) -> Any:
+        return self + -other
+
+    def __rsub__(self, other: Any) -> Any:
+        return -self + other
+
+    def __truediv__(self, other: Any) -> Any:
+        return self * (other**-1 if isinstance(other, Arithmetic) else 1.0 / other)
+
+    def __rtruediv__(self, other: Any) -> Any:
+        return self**-1 * other
+
+
+class Jet(Arithmetic):
     """Value, gradient and Hessian of a function of n variables at a point.
 
     Parameters
@@ -139,8 +178,6 @@ class Jet:
     gradient : array, (n,)
     hessian : array, (n, n)
     """
-
-    __array_ufunc__ = None  # a NumPy scalar leaves the arithmetic to the jet
 
     def __init__(self, value: float, gradient: Array, hessian: Array) -> None:
         self.value, self.gradient, self.hessian = float(value), gradient, hessian
@@ -179,26 +216,6 @@ class Jet:
                 self.value * other.hessian + other.value * self.hessian + mixed + mixed.T,
             )
         return Jet(other * self.value, other * self.gradient, other * self.hessian)
-
-    __radd__, __rmul__ = __add__, __mul__
-
-    def __neg__(self) -> Jet:
-        return -1.0 * self
-
-    def __pos__(self) -> Jet:
-        return self
-
-    def __sub__(self, other: Any) -> Jet:
-        return self + -other
-
-    def __rsub__(self, other: Any) -> Jet:
-        return -self + other
-
-    def __truediv__(self, other: Any) -> Jet:
-        return self * (other**-1 if isinstance(other, Jet) else 1.0 / other)
-
-    def __rtruediv__(self, other: Any) -> Jet:
-        return other * self**-1
 
     def __pow__(self, exponent: float) -> Jet:
         x, p = self.value, exponent

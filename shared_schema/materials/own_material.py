@@ -41,6 +41,7 @@ from shared_schema.common.configuration import Frozen, absent
 from shared_schema.materials.fibre_reinforced import WithFibres
 from shared_schema.materials.material import (
     JETS,
+    Arithmetic,
     AtRest,
     FibreInvariants,
     Functions,
@@ -157,10 +158,8 @@ class _Record:
         return self.add("positive", x) if isinstance(x, _Number) else JETS.positive(x)
 
 
-class _Number:
+class _Number(Arithmetic):
     """A number whose operations are written down."""
-
-    __array_ufunc__ = None  # a NumPy scalar leaves the arithmetic to this
 
     def __init__(self, record: _Record, slot: int) -> None:
         self.record, self.slot = record, slot
@@ -174,26 +173,6 @@ class _Number:
         if isinstance(other, _Number):
             return self.record.add("product", self, other.slot)
         return self.record.add("scale", self, c=other)
-
-    __radd__, __rmul__ = __add__, __mul__
-
-    def __neg__(self) -> _Number:
-        return self * -1.0
-
-    def __pos__(self) -> _Number:
-        return self
-
-    def __sub__(self, other: Scalar) -> _Number:
-        return self + -other
-
-    def __rsub__(self, other: Scalar) -> _Number:
-        return -self + other
-
-    def __truediv__(self, other: Scalar) -> _Number:
-        return self * (other**-1 if isinstance(other, _Number) else 1.0 / other)
-
-    def __rtruediv__(self, other: Scalar) -> _Number:
-        return other * self**-1
 
     def __pow__(self, exponent: float) -> _Number:
         return self.record.add("power", self, c=exponent)

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from datagen.cases.body import Body, make_body
 from datagen.cases.case import Case, read_case
-from datagen.mesh.box import Box
 from datagen.mesh.distributed_mesh import Mesh, make_mesh
+from datagen.mesh.geometries import Box
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.settings import SolverSettings
 from shared_schema.materials import NeoHookean, Volumetric

@@ -40,7 +40,7 @@ LAYERS = {  # packages and root modules; imports go downwards, or anywhere insid
         ["checker", "dataset_reader", "loads"],
     ],
     "datagen": [
-        ["compiled_cache", "stale_locks", "loads"],
+        ["compiled_cache", "loads"],
         ["ranks", "dolfinx_versions"],
         ["mesh", "discretisation", "materials"],
         ["solver"],

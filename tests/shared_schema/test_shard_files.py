@@ -116,18 +116,6 @@ def largest_file(size: int) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
 
 
-def test_missing_file_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"shard-00000\.h5: no such shard"):
-        read_shard(tmp_path / "shard-00000.h5", "nodal")
-
-
-def test_empty_file_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "shard-00000.h5"
-    path.touch()
-    with pytest.raises(InputError, match="empty"):
-        read_shard(path, "nodal")
-
-
 @pytest.mark.parametrize("part", [0.01, 0.3, 0.7, 0.999])
 def test_truncated_file_is_refused(tmp_path: Path, nodal_arrays: Arrays, part: float) -> None:
     path = written(tmp_path / "shard-00000.h5", "nodal", nodal_arrays)
@@ -138,10 +126,19 @@ def test_truncated_file_is_refused(tmp_path: Path, nodal_arrays: Arrays, part: f
     assert "\n" not in str(error.value)
 
 
-def test_other_content_is_refused(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (None, r"shard-00000\.h5: no such shard"),
+        ("", "empty"),
+        ("coordinates, forces\n", "not a readable HDF5 file"),
+    ],
+)
+def test_what_is_no_shard_is_refused(tmp_path: Path, content: str | None, said: str) -> None:
     path = tmp_path / "shard-00000.h5"
-    path.write_text("coordinates, forces\n")
-    with pytest.raises(InputError, match="not a readable HDF5 file"):
+    if content is not None:
+        path.write_text(content)
+    with pytest.raises(InputError, match=said):
         read_shard(path, "nodal")
 
 

@@ -6,22 +6,25 @@ The arrays go through files: pyplaid needs newer packages than Debian's dolfinx,
 
 from __future__ import annotations
 
+import importlib.util
 import json
+import subprocess
+import sys
 import tempfile
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
-from datagen.cases.dataset_settings import DatasetSettings
-from datagen.contrib.plaid.interpreter import require_interpreter, run_script
+from datagen.cases.case import DatasetSettings
 from datagen.transforms.reindexing import nodal_forces_of, split_of
 from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.configuration import validate
-from shared_schema.common.errors import InputError
+from shared_schema.common.errors import InputError, WorkError
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.manifest import Manifest
 
+MODULE = "plaid"
 ELEMENTS = {  # meshio's names and CGNS's, with the same order of corners
     "triangle": "TRI_3",
     "quad": "QUAD_4",
@@ -31,6 +34,59 @@ ELEMENTS = {  # meshio's names and CGNS's, with the same order of corners
 NOT_CARRIED = ("mesh/held", "mesh/material", "mesh/fibres", "mesh/pressed")
 Backend = Literal["hf_datasets", "cgns", "zarr"]
 CASE = "Case: "  # before the case as JSON, in the last line of the description
+
+
+def require_interpreter(python: Path | str | None) -> str:
+    """Return the path of a Python that can import pyplaid.
+
+    Parameters
+    ----------
+    python : Path or str, optional
+        Interpreter of another environment; by default this one.
+
+    Raises
+    ------
+    InputError
+        If it is no Python, or has no pyplaid.
+    """
+    hint = "`python3 -m venv plaid && plaid/bin/pip install pyplaid` makes an environment"
+    if python is None:
+        if importlib.util.find_spec(MODULE) is None:
+            raise InputError(
+                f"--python: pyplaid is not installed here; {hint}, --python plaid/bin/python "
+                "names it"
+            )
+        return sys.executable
+    check = f"import importlib.util, sys; sys.exit(importlib.util.find_spec({MODULE!r}) is None)"
+    try:
+        done = subprocess.run([python, "-I", "-c", check], capture_output=True, check=False)
+    except OSError as error:
+        raise InputError(f"--python '{python}': cannot be run ({error.strerror})") from None
+    if done.returncode != 0:
+        raise InputError(f"--python '{python}': has no pyplaid; {hint}")
+    return str(python)
+
+
+def run_script(python: str, name: str, *arguments: Path | str) -> None:
+    """Run a script of this package, which imports pyplaid and nothing of this project.
+
+    Raises
+    ------
+    WorkError
+        If it ends with an error.
+    """
+    script = Path(__file__).with_name(name)
+    done = subprocess.run(
+        [python, "-I", str(script), *map(str, arguments)],
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        errors="replace",
+        check=False,
+    )
+    if done.returncode != 0:
+        last = (done.stderr.strip().splitlines() or ["no message"])[-1]
+        raise WorkError(f"pyplaid ended with exit code {done.returncode}: {last}")
 
 
 @checked_arguments

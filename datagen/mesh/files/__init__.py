@@ -3,11 +3,9 @@
 ================  ===============================================================
 `gmsh_file`       gmsh scripts, and gmsh meshes from format 4
 `msh2_file`       gmsh meshes of format 2
-`gmsh_script`     what a gmsh script may do
 `abaqus_file`     Abaqus input, with its parts and instances
 `cad_file`        STEP, IGES and BREP
 `surface_file`    the inside of closed surfaces (STL)
-`closed_shells`   the closed parts of a surface: rooms, volumes, cuts
 `meshio_file`     all other formats
 ================  ===============================================================
 """

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from datagen.mesh.group_names import Group
+from datagen.mesh.groups import Group
 from datagen.mesh.raw_mesh import raw_mesh
 from shared_schema.common.bodies.groups import RawMesh
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from datagen.mesh.group_names import Group
+from datagen.mesh.groups import Group
 from datagen.mesh.raw_mesh import raw_mesh
 from shared_schema.common.bodies.groups import RawMesh
 from shared_schema.tools.closed_surface import read_by_meshio

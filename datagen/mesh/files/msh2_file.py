@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from datagen.mesh.group_names import dimension_of
+from datagen.mesh.groups import dimension_of
 from datagen.mesh.raw_mesh import raw_mesh, require_different
 from shared_schema.common.bodies.groups import RawMesh
 

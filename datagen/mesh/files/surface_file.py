@@ -1,29 +1,180 @@
-"""Tetrahedra inside a closed surface of triangles (STL), as a segmentation or a scanner gives it.
+r"""Tetrahedra inside a closed surface of triangles (STL), as a segmentation or a scanner gives it.
 
 gmsh keeps the triangles of the file, or lays others of a given size on the surface. Each body is
 meshed alone, around its rooms.
+
+A shell is a closed part of the surface, a set of triangles that edges connect, each edge being one
+of two triangles. Inside an odd number of others it bounds a room, and its triangles are seen from
+there. Its volume is
+
+.. math:: V = \tfrac16 \sum_i a_i · (b_i × c_i)
+
+over its triangles with the corners a, b, c, positive if they are seen from outside.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from datagen.mesh.files.closed_shells import Body, bodies_of
 from datagen.mesh.gmsh_model import generate, gmsh_session
+from datagen.mesh.overlap import near_pairs
 from datagen.mesh.raw_mesh import raw_mesh
 from shared_schema.common.bodies.cells import boundary_facets, parts_of
 from shared_schema.common.bodies.groups import RawMesh
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+EDGES = [[0, 1], [1, 2], [2, 0]]  # corners of the edges of a triangle
+TOUCHING = 1e-9  # part of a length by which what only touches may cut
+RAY = np.array([0.4823, 0.6271, 0.6114])  # a direction that no edge has by design
 SUFFIX = ".stl"
 TRIANGLE, TETRAHEDRON = 2, 4  # gmsh's numbers of the types
 EXACT = 1e-6  # relative difference of the volumes inside of the triangles and of the cells
+
+
+@dataclass(frozen=True)
+class Body:
+    """A body within a surface.
+
+    Attributes
+    ----------
+    shells : list of array of int
+        Numbers of the triangles of its outside, and of those of each of its rooms.
+    volume : float
+        In m³; NaN if the triangles of its only shell are not all seen from one side.
+    """
+
+    shells: list[Ints]
+    volume: float
+
+
+def bodies_of(points: Array, triangles: Ints) -> list[Body]:
+    """Find the bodies that a surface bounds.
+
+    Parameters
+    ----------
+    points : array, (n_points, 3)
+        In m.
+    triangles : array of int, (n_triangles, 3)
+
+    Raises
+    ------
+    ValueError
+        If the surface is not closed, cuts itself, or has a shell in another one that is seen from
+        the same side; with a place.
+    """
+    if not len(triangles):
+        raise ValueError("no triangle in it, expected a closed surface")
+    _require_closed(points, triangles)
+    _require_uncut(points, triangles)
+    number = parts_of(triangles, "triangle")
+    shells = [np.flatnonzero(number == shell) for shell in range(int(number.max()) + 1)]
+    corners = [points[triangles[shell]] for shell in shells]
+    volumes = [
+        _volume(x) if _is_seen_from_one_side(triangles[shell]) else np.nan
+        for x, shell in zip(corners, shells, strict=True)
+    ]
+    around = [
+        [other for other, x in enumerate(corners) if other != each and _is_inside(inner[0, 0], x)]
+        for each, inner in enumerate(corners)
+    ]
+    bodies = []
+    for outer, outside in enumerate(around):
+        if len(outside) % 2:
+            continue
+        rooms = [
+            each
+            for each, those in enumerate(around)
+            if outer in those and len(those) == len(outside) + 1
+        ]
+        for room in rooms:
+            if not volumes[outer] * volumes[room] < 0:
+                raise ValueError(
+                    f"the closed part of the surface at {_at(corners[room][0, 0])} lies in another "
+                    "one and is seen from the same side, expected it to be a room, whose triangles "
+                    "are seen from the room, or a part of the body's outside"
+                )
+        volume = abs(volumes[outer]) - sum(abs(volumes[room]) for room in rooms)
+        bodies.append(Body([shells[each] for each in (outer, *rooms)], volume))
+    return bodies
+
+
+def _require_closed(points: Array, triangles: Ints) -> None:
+    """Raise ValueError unless every edge has two triangles."""
+    edges = np.sort(triangles[:, EDGES].reshape(-1, 2), axis=1)
+    lines, counts = np.unique(edges, axis=0, return_counts=True)
+    wrong = np.flatnonzero(counts != 2)
+    if wrong.size:
+        at = _at(points[lines[wrong[0]]].mean(axis=0))
+        raise ValueError(
+            f"the surface is not closed: {wrong.size} of its {len(lines)} edges have another "
+            f"number of triangles than two, the first at {at}"
+        )
+
+
+def _require_uncut(points: Array, triangles: Ints) -> None:
+    """Raise ValueError if an edge of a triangle goes through another one."""
+    corners, every = points[triangles], np.arange(len(triangles))
+    for some, others in near_pairs(corners, every, np.ones(len(every), dtype=bool)):
+        a, b, c = np.moveaxis(corners[others], 1, 0)
+        normal = np.cross(b - a, c - a)
+        size = np.linalg.norm(normal, axis=1)
+        for ends in EDGES:
+            p, q = np.moveaxis(corners[some][:, ends], 1, 0)
+            least = TOUCHING * np.linalg.norm(q - p, axis=1) * size
+            before = ((p - a) * normal).sum(axis=1)
+            after = ((q - a) * normal).sum(axis=1)
+            across = (before * after < 0) & (np.minimum(abs(before), abs(after)) > least)
+            is_end = triangles[some][:, ends, None] == triangles[others][:, None]
+            across &= ~is_end.any(axis=(1, 2))
+            part = np.where(across, before / np.where(across, before - after, 1.0), 0.0)
+            x = p + part[:, None] * (q - p)
+            weights = [
+                (np.cross(v - u, x - u) * normal).sum(axis=1) for u, v in ((a, b), (b, c), (c, a))
+            ]
+            cut = np.flatnonzero(across & (np.min(weights, axis=0) >= -TOUCHING * size**2))
+            if cut.size:
+                raise ValueError(
+                    f"the surface cuts itself at {_at(x[cut[0]])}, expected bodies that are apart; "
+                    "those that overlap can be united where the surface was made"
+                )
+
+
+def _is_seen_from_one_side(triangles: Ints) -> bool:
+    """True if every edge of a closed surface is gone through once in each direction."""
+    edges = triangles[:, EDGES].reshape(-1, 2)
+    return len(np.unique(edges, axis=0)) == len(edges)
+
+
+def _volume(corners: Array) -> float:
+    """Signed volume inside triangles, (n, 3, 3)."""
+    return float(np.linalg.det(corners - corners.mean(axis=(0, 1))).sum()) / 6
+
+
+def _is_inside(point: Array, corners: Array) -> bool:
+    """True if a ray from a point meets an odd number of triangles, (n, 3, 3)."""
+    low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+    if (point < low).any() or (point > high).any():
+        return False
+    a, b, c = np.moveaxis(corners - point, 1, 0)
+    sides = [
+        np.linalg.det(np.stack([np.broadcast_to(RAY, u.shape), u, v], axis=1))
+        for u, v in ((a, b), (b, c), (c, a))
+    ]
+    through = (np.min(sides, axis=0) > 0) | (np.max(sides, axis=0) < 0)
+    normal = np.cross(b - a, c - a)
+    ahead = (a * normal).sum(axis=1) * (normal @ RAY) > 0
+    return bool((through & ahead).sum() % 2)
+
+
+def _at(position: Array) -> str:
+    return ",".join(f"{value:g}" for value in position)
 
 
 def is_surface(path: Path | str) -> bool:

@@ -171,7 +171,7 @@ class RawMesh:
     cell_type : str
         meshio's name: triangle, quad, tetra or hexahedron.
     groups : mapping of str to array of int
-        Node numbers of every named group (`datagen.mesh.group_names.by_name`).
+        Node numbers of every named group (`datagen.mesh.groups.by_name`).
     cell_groups : mapping of str to array of int
         Cell numbers of every named group of cells.
     places : array of int, (n_nodes,), optional
@@ -184,7 +184,7 @@ class RawMesh:
         Of a refined mesh: the nodes that it had before of the edge, face or cell that each node
         lies in; repeated ones fill a row (`datagen.mesh.refinement`).
     parts : mapping of str to GroupParts
-        Facets and cells of the groups whose nodes do not tell them (`datagen.mesh.group_parts`).
+        Facets and cells of the groups whose nodes do not tell them (`datagen.mesh.groups`).
     """
 
     coordinates: NDArray[np.float64]

@@ -12,7 +12,7 @@ These are counted as the negative pivots of :math:`L D L^T`, by SuperLU without 
 
 The order of the points, by least degree, limits the fill; dilation and pressure of a node follow
 its displacements, so that no pivot is zero from the beginning. Pivots that are too small are told
-by the error of a solution. θ and p have lengths as units, as in `datagen.solver.forms.weak_form`.
+by the error of a solution. θ and p have lengths as units, as in `datagen.solver.weak_form`.
 """
 
 from __future__ import annotations

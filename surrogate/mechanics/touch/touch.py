@@ -6,7 +6,7 @@ normal to it, and such that no node of the surface enters it
 (`surrogate.mechanics.touch.search`), frame by frame (`surrogate.mechanics.touch.frames`).
 
 Where Newton's method finds the body, the contact is that of the factory
-(`datagen.solver.contact.tool_contact`). Its forces are found by the method of multipliers
+(`datagen.solver.tool_contact`). Its forces are found by the method of multipliers
 (`surrogate.mechanics.equilibrium.tool_springs`): with springs to the tool, the potential energy has
 a minimum, which Newton's method with a line search finds, past unstable equilibria
 (`surrogate.mechanics.certify.correction`); the forces there are the next λ.

@@ -14,7 +14,7 @@ from datagen.cases.body import make_body
 from datagen.cases.case import read_case
 from datagen.command_line import main
 from datagen.farm.farm import run
-from datagen.materials.fibre_directions import fibres_of_cells
+from datagen.materials import fibres_of_cells
 from datagen.output.dataset_figure import draw
 from datagen.output.nodal_samples import NodalSamples
 from shared_schema.common.bodies.groups import RawMesh

@@ -1,7 +1,8 @@
-"""The farm: the same dataset by one process or many, killed or not."""
+"""The farm: the same dataset by one process or many, killed or not; its plan and its estimate."""
 
 from __future__ import annotations
 
+import heapq
 import os
 import shutil
 import signal
@@ -16,9 +17,11 @@ import yaml
 from mpi4py import MPI
 
 from datagen.cases.case import SHIPPED, Case, read_case
+from datagen.command_line import main
 from datagen.farm.farm import NothingSolvedError, run
 from datagen.farm.journal import Journal
-from datagen.farm.work_plan import shard_count, shard_samples
+from datagen.farm.run_estimate import MOST, dry_run
+from datagen.farm.work_desk import Piece, plan, shard_count, shard_samples
 from shared_schema.checker import check_dataset
 from shared_schema.common.errors import InputError
 from shared_schema.loads.family import LoadCase
@@ -35,6 +38,7 @@ from tests.datagen.farm_runs import (
     command,
     datagen,
     execute,
+    finish,
     held,
     pids_of,
     recorded,
@@ -42,6 +46,7 @@ from tests.datagen.farm_runs import (
     wait_until,
     write_case,
 )
+from tests.datagen.refusal import refusal
 from tools.open_mpi import without_launcher
 
 STOPPED = """
@@ -56,6 +61,7 @@ def solve_and_stop(job):
 ShardJob.solve_next = solve_and_stop
 sys.exit(main())
 """
+SIZE = 50  # number of samples of a shard
 
 
 @pytest.fixture(scope="module")
@@ -415,3 +421,96 @@ def test_nothing_solved_is_a_failure(tmp_path: Path) -> None:
         ) in result.stderr
         assert result.stderr.count("failed:") == 1
         assert check_dataset(out) == []
+
+
+def whole(shards: int) -> dict[int, range]:
+    return {k: range(k * SIZE, (k + 1) * SIZE) for k in range(shards)}
+
+
+def idle_time(pieces: list[Piece], groups: int, times: np.ndarray) -> float:
+    """Time between the end of a group's last piece and the end of all, summed over the groups."""
+    ends = [0.0] * groups
+    for piece in pieces:
+        heapq.heapreplace(ends, ends[0] + float(times[list(piece.numbers)].sum()))
+    return sum(max(ends) - end for end in ends)
+
+
+@pytest.mark.parametrize(("shards", "groups"), [(710, 2), (710, 64), (4, 2), (3, 8), (1, 100)])
+def test_every_sample_is_in_one_piece(shards: int, groups: int) -> None:
+    pieces = plan(whole(shards), groups)
+    assert [n for piece in pieces for n in piece.numbers] == list(range(shards * SIZE))
+    for shard in range(shards):
+        assert {p.of for p in pieces if p.shard == shard} == {sum(p.shard == shard for p in pieces)}
+
+
+def test_one_group_gets_whole_shards() -> None:
+    assert [piece.of for piece in plan(whole(5), 1)] == [1] * 5
+
+
+def test_only_unsolved_samples_are_in_pieces() -> None:
+    """A shard with two unsolved samples, and one that is solved but not yet merged."""
+    pieces = plan({3: [151, 190], 7: []}, 2)
+    assert [piece.numbers for piece in pieces] == [(151,), (190,), ()]
+    assert [piece.of for piece in pieces] == [2, 2, 1]
+
+
+@pytest.mark.parametrize("groups", [2, 16, 64, 128])
+def test_all_groups_end_together(groups: int) -> None:
+    """710 shards, solve times with a standard deviation of 30 %.
+
+    The idle time is below 2 % of the work, and at most a fifth of that with whole shards only.
+    """
+    generator = np.random.default_rng(0)
+    times = generator.lognormal(sigma=0.3, size=710 * SIZE)
+    ours = idle_time(plan(whole(710), groups), groups, times)
+    coarse = [Piece(k, tuple(numbers), 1) for k, numbers in whole(710).items()]
+    assert ours < 0.02 * times.sum()
+    assert ours <= 0.2 * idle_time(coarse, groups, times)
+    longest = max(times[list(p.numbers)].sum() for p in plan(whole(710), groups) if p.of > 1)
+    assert ours <= groups * longest
+
+
+def test_sizes_are_those_of_the_run(tmp_path: Path) -> None:
+    case = read_case(str(write_case(tmp_path, samples=500, shard_size=100)))
+    estimate = dry_run(case, comm=MPI.COMM_SELF)
+    assert (estimate.nodes, estimate.cells, estimate.dofs) == (64, 45, 128)
+    assert (estimate.samples, estimate.groups, estimate.failed) == (500, 1, 0)
+    assert 2 <= estimate.timed <= MOST
+    assert estimate.hours == pytest.approx(500 * estimate.seconds / 3600)
+    run(case, tmp_path / "nodal", comm=MPI.COMM_SELF)
+    found = sum(path.stat().st_size for path in (tmp_path / "nodal").iterdir())
+    assert estimate.bytes == pytest.approx(found, rel=0.1)
+
+
+def test_command_writes_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    case, out = write_case(tmp_path, samples=7), tmp_path / "nodal"
+    assert main(["run", str(case), "--out", str(out), "--dry-run"]) == 0
+    printed = capsys.readouterr().out
+    assert "64 nodes, 45 cells, 128 DOFs" in printed
+    assert "the mean of 7\n" in printed
+    assert "7 samples, 1 at a time" in printed
+    assert not out.exists()
+    wrong = ["run", str(case), "--out", str(out), "--dry-run", "--set", "supports.0.x=9"]
+    assert "no node of the mesh lies there" in refusal(wrong, capsys)
+
+
+def test_few_samples_and_wrong_ranks(tmp_path: Path) -> None:
+    case = read_case(str(write_case(tmp_path, samples=1)))
+    assert dry_run(case, comm=MPI.COMM_SELF).timed == 1
+    with pytest.raises(InputError, match="--ranks-per-solve 2: expected a divisor"):
+        dry_run(case, comm=MPI.COMM_SELF, ranks_per_solve=2)
+
+
+@pytest.mark.mpi
+@pytest.mark.slow
+def test_groups_of_ranks(tmp_path: Path) -> None:
+    """Each rank solves samples of its own, or both solve each sample."""
+    case, out = write_case(tmp_path, samples=500), tmp_path / "nodal"
+    arguments = ("run", case, "--out", out, "--dry-run")
+    done = finish(datagen(*arguments, ranks=2))
+    assert done.returncode == 0
+    assert "500 samples, 2 at a time" in done.stdout
+    done = finish(datagen(*arguments, "--ranks-per-solve", "2", ranks=2))
+    assert done.returncode == 0
+    assert "500 samples, 1 at a time" in done.stdout
+    assert not out.exists()

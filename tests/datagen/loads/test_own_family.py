@@ -20,7 +20,7 @@ from shared_schema.loads import DrawnLoads
 from shared_schema.manifest import read_manifest
 from shared_schema.shard import read_shard
 from tests.datagen.farm_runs import execute
-from tests.datagen.loads.places import place
+from tests.datagen.loads.test_loads import place
 from tests.datagen.refusal import refusal
 
 CODE = """

@@ -1,15 +1,22 @@
-"""Cells that lie over others without a facet in common."""
+"""Cells that lie over others without a facet in common, and bodies that are split."""
 
 from __future__ import annotations
 
+import logging
+from pathlib import Path
 from typing import Any
 
+import meshio
 import numpy as np
 import pytest
 
-from datagen.mesh.overlap import overlap_problem
+import datagen
+from datagen.mesh.overlap import overlap_problem, split_warning
 from shared_schema.common.bodies.cells import conformity_problem
+from tests.datagen.mesh.files.test_gmsh_file import case_at
 from tests.datagen.solver.cantilever import box
+
+X = np.array([(0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (0.0, 1.0)])
 
 
 def ring(angle: float) -> tuple[Any, Any]:
@@ -71,3 +78,33 @@ def test_coarse_and_fine_cells() -> None:
         large = np.array([[tip, 0.05], [50, -20], [50, 20]])
         x = np.concatenate([fine.coordinates, large])
         assert words in str(overlap_problem(x, cells, "triangle"))
+
+
+def test_a_split_body_is_solved_with_a_warning(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The block on the right bears the force alone."""
+    x = np.vstack((X, X + np.array([2, 0])))
+    path = tmp_path / "blocks.vtu"
+    blocks = [("quad", np.arange(8).reshape(2, 4))]
+    meshio.Mesh(np.column_stack((x, np.zeros(8))), blocks).write(path)
+    case_at(path, supports=[{"x": 0}, {"x": 4}])
+    with caplog.at_level(logging.WARNING):
+        found = datagen.solve(tmp_path / "own.yaml", force(7))
+    assert "4 nodes share their places with others, the first at 2,0: the body is split" in (
+        caplog.text
+    )
+    assert not found.displacement[:4].any()
+
+
+def force(node: int) -> np.ndarray:
+    load = np.zeros((8, 2))
+    load[node, 1] = -1.0
+    return load
+
+
+def test_where_nodes_are_one() -> None:
+    assert split_warning(X) is None
+    near = np.vstack((X, X[2] + 1e-6))  # a millionth of a metre away, on purpose
+    assert split_warning(near) is None
+    assert split_warning(1e-6 * np.vstack((X, X[2] + 1e-12))) is not None

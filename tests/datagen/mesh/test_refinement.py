@@ -10,7 +10,7 @@ import pytest
 
 from datagen.cases.case import read_case
 from datagen.cases.placed_body import placed
-from datagen.mesh.box import Box
+from datagen.mesh.geometries import Box
 from datagen.mesh.mesh_file import MeshFile
 from datagen.mesh.raw_mesh import DIMENSION, raw_mesh
 from datagen.mesh.refinement import refined

@@ -7,8 +7,8 @@ import pytest
 from mpi4py import MPI
 
 from datagen.discretisation.element import Element
-from datagen.mesh.box import Box
 from datagen.mesh.distributed_mesh import distributed
+from datagen.mesh.geometries import Box
 from datagen.output.cell_stresses import CellStresses
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import solve_load_case

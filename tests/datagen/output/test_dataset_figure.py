@@ -12,9 +12,8 @@ from mpi4py import MPI
 from datagen.cases.case import read_case
 from datagen.command_line import main
 from datagen.farm.farm import run
-from datagen.output.dataset_body import DatasetBody
 from datagen.output.dataset_figure import draw, resultant_of
-from datagen.output.nodal_samples import NodalSamples
+from datagen.output.nodal_samples import DatasetBody, NodalSamples
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.shard import read_shard
 from tests.datagen.refusal import refusal

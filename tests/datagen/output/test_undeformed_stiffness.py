@@ -13,7 +13,7 @@ from scipy.sparse.linalg import spsolve
 from datagen.cases.body import Body
 from datagen.cases.case import read_case
 from datagen.farm.farm import run
-from datagen.mesh.box import Box
+from datagen.mesh.geometries import Box
 from datagen.output.undeformed_stiffness import stiffness_of
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.settings import SolverSettings

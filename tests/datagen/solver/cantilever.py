@@ -9,8 +9,8 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 
 from datagen.discretisation.element import Element
-from datagen.mesh.box import Box
 from datagen.mesh.distributed_mesh import Mesh, distributed
+from datagen.mesh.geometries import Box
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import SolveReport, solve_load_case
 from datagen.solver.settings import SolverSettings

@@ -28,8 +28,8 @@ from datagen.discretisation.element import Element
 from datagen.dolfinx_versions import COMPILER_OPTIONS, form
 from datagen.mesh.distributed_mesh import distributed
 from datagen.solver.equilibrium import EquilibriumProblem
-from datagen.solver.forms.strain_energy import deformation_gradient, energy_density
 from datagen.solver.settings import SolverSettings
+from datagen.solver.strain_energy import deformation_gradient, energy_density
 from shared_schema.common.bodies.groups import RawMesh
 from shared_schema.materials import (
     Gent,

@@ -10,8 +10,8 @@ from scipy.linalg import polar
 from datagen.cases.body import make_body
 from datagen.cases.case import read_case
 from datagen.discretisation.element import Element, element_kind
-from datagen.mesh.box import Box
 from datagen.mesh.distributed_mesh import distributed
+from datagen.mesh.geometries import Box
 from datagen.solver.corotation import rotations
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.linear_solver import CROSSOVER, chosen_solver

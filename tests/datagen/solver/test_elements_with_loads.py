@@ -10,12 +10,11 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 
 from datagen.discretisation.element import ELEMENTS, Element
-from datagen.materials import material_of
 from datagen.mesh.distributed_mesh import Mesh, distributed
 from datagen.solver.equilibrium import EquilibriumProblem
-from datagen.solver.forms.strain_energy import longitudinal_modulus
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings
+from datagen.solver.strain_energy import longitudinal_modulus
 from shared_schema.common.bodies.cells import outward_facets
 from shared_schema.common.bodies.distributed_loads import pressure_forces
 from shared_schema.materials import (
@@ -24,6 +23,7 @@ from shared_schema.materials import (
     NeoHookean,
     ShippedMaterial,
     StVenantKirchhoff,
+    material_of,
 )
 from tests.datagen.solver.cantilever import box
 

@@ -1,4 +1,4 @@
-"""Equilibria against closed forms, patch tests, and the convergence of Newton's method."""
+"""Equilibria against closed forms and dolfinx's assembly; convergence of Newton's method."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
 
+import dolfinx
 import numpy as np
 import pytest
+from dolfinx.fem import petsc as fem_petsc
 from numpy.typing import NDArray
 
 from datagen.cases.body import Body
@@ -217,3 +219,31 @@ def test_volumetric_terms_differ_as_measured(
         solutions.append(problem.displacement())
     relative = np.linalg.norm(solutions[0] - solutions[1]) / np.linalg.norm(solutions[0])
     assert 1e-4 < relative < 1e-2
+
+
+@pytest.mark.parametrize("volumetric", ["paper", "quadratic"])
+@pytest.mark.parametrize(
+    ("elements", "upper"), [((4, 3), (2.0, 1.0)), ((3, 3, 2), (2.0, 1.0, 1.0))]
+)
+def test_same_matrix_as_dolfinx(
+    make_problem: Callable[..., EquilibriumProblem],
+    elements: tuple[int, ...],
+    upper: tuple[float, ...],
+    volumetric: Volumetric,
+) -> None:
+    """Entries are equal up to the order of summation; clamped rows are those of the identity."""
+    problem = make_problem(elements, upper, volumetric=volumetric, distortion=0.05)
+    random = np.random.default_rng(0)
+    for scale in (0.0, 0.03):
+        shape = problem.mesh.coordinates.shape
+        problem.set_displacement(
+            random.normal(scale=scale, size=shape) if scale else np.zeros(shape)
+        )
+        ours = problem.tangent()
+        space = problem.u.function_space
+        clamped = np.isclose(problem.mesh.coordinates[problem.numbering.node_of_block, 0], 0.0)
+        blocks = np.flatnonzero(clamped).astype(np.int32)
+        support = dolfinx.fem.dirichletbc(np.zeros(problem.dimension), blocks, space)
+        theirs = fem_petsc.assemble_matrix(problem.forms.tangent, bcs=[support])
+        theirs.assemble()
+        assert np.abs(ours[:, :] - theirs[:, :]).max() < 1e-12 * theirs.norm()

@@ -1,4 +1,4 @@
-"""A block of rubber, held against CalculiX (Debian's calculix-ccx), if that is installed."""
+"""A block of rubber held against CalculiX, if it is installed, and a breast against AceFEM."""
 
 from __future__ import annotations
 
@@ -12,10 +12,12 @@ import pytest
 from mpi4py import MPI
 from numpy.typing import NDArray
 
+import datagen
 from datagen.mesh.distributed_mesh import distributed
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings
+from shared_schema import DatasetReader
 from shared_schema.common.bodies.groups import RawMesh
 from shared_schema.materials import MooneyRivlin
 from tests.datagen.solver.cantilever import box
@@ -25,6 +27,9 @@ C10, BULK = 80.0, 400.0  # Pa: W = C10 (Ī₁ − 3) + K/2 (J − 1)², which Ca
 UPPER, CELLS, FORCE = (2.0, 1.0, 1.0), (6, 3, 3), (2.0, -6.0, 4.0)  # m; N at a corner
 DIGITS = 2e-6  # of the largest displacement: CalculiX prints seven digits
 Array = NDArray[np.float64]
+ROOT = Path(__file__).parents[3]
+ACEFEM = ROOT / "experiments/organs/breast_acefem.txt"  # u in m, saurabhdeshpande93/MAgNET, MIT
+BODY_FORCE = (-5941.76154725, -5233.60075768, -2561.67423583)  # N/m³, fitted to that solution
 
 
 def by_calculix(raw: RawMesh, clamped: NDArray[np.bool_], loaded: int, folder: Path) -> Array:
@@ -81,3 +86,23 @@ def test_block_of_rubber(tmp_path: Path) -> None:
     largest = float(np.abs(expected).max())
     assert largest > 0.1
     np.testing.assert_allclose(problem.displacement(), expected, rtol=0, atol=DIGITS * largest)
+
+
+def test_breast_under_a_body_force() -> None:
+    """Equal to AceFEM's solution to 1e-9 of the largest displacement, 0.0656 m."""
+    published = np.loadtxt(ACEFEM)
+    solution = datagen.solve("breast3d", body_force=BODY_FORCE)
+    assert np.abs(published).max() == pytest.approx(0.0487, abs=1e-4)
+    error = np.abs(solution.displacement - published).max()
+    assert error <= 1e-9 * np.linalg.norm(published, axis=1).max()
+
+
+@pytest.mark.parametrize(
+    ("name", "nodes", "clamped"), [("breast3d", 1035, 224), ("liver3d", 3057, 168)]
+)
+def test_bodies(name: str, nodes: int, clamped: int, tmp_path: Path) -> None:
+    """Nodes and supports are as many as the authors published."""
+    datagen.body(name, tmp_path / name)
+    reader = DatasetReader(tmp_path / name, "structured")
+    assert len(reader.body["mesh/coordinates"]) == nodes
+    assert reader.body["mesh/clamped"].sum() == clamped

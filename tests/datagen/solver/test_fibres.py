@@ -10,8 +10,8 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 
 from datagen.discretisation.element import Element
-from datagen.mesh.box import Box
 from datagen.mesh.distributed_mesh import Mesh, distributed
+from datagen.mesh.geometries import Box
 from datagen.output.cell_stresses import CellStresses
 from datagen.output.undeformed_stiffness import stiffness_of
 from datagen.solver.equilibrium import EquilibriumProblem

@@ -7,8 +7,8 @@ import pytest
 from mpi4py import MPI
 from scipy.optimize import brentq
 
-from datagen.mesh.box import Box
 from datagen.mesh.distributed_mesh import distributed, make_mesh
+from datagen.mesh.geometries import Box
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings

@@ -9,13 +9,12 @@ import pytest
 from mpi4py import MPI
 
 from datagen import solve
-from datagen.mesh.box import Box
 from datagen.mesh.distributed_mesh import make_mesh
-from datagen.solver.contact.tool_contact import touched
-from datagen.solver.contact.way import Way
+from datagen.mesh.geometries import Box
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings
+from datagen.solver.tool_contact import Way, touched
 from shared_schema.common.bodies.cells import boundary_facets
 from shared_schema.materials import NeoHookean
 from shared_schema.tools import Plane, parse_tool

@@ -13,8 +13,7 @@ from datagen.cases.case import read_case
 from datagen.discretisation.element import Element
 from datagen.mesh.distributed_mesh import distributed
 from datagen.solver.equilibrium import EquilibriumProblem
-from datagen.solver.given_start import read_start, solve_from
-from datagen.solver.load_stepping import solve_load_case
+from datagen.solver.load_stepping import read_start, solve_from, solve_load_case
 from datagen.solver.settings import SolverSettings
 from shared_schema.common.errors import InputError
 from shared_schema.materials import NeoHookean

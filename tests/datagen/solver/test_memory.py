@@ -12,7 +12,7 @@ from mpi4py import MPI
 
 from datagen.cases.body import Body, make_body
 from datagen.cases.case import Case, read_case
-from datagen.mesh.box import Box
+from datagen.mesh.geometries import Box
 from datagen.solver.load_stepping import solve_load_case
 
 BOUND = 1024  # kB; measured: 0 kB over 1000 load cases and 4 kB over 90 bodies

@@ -35,8 +35,8 @@ from skfem.io.meshio import from_meshio
 
 from datagen.cases.body import Body, make_body
 from datagen.cases.case import Case, read_case
-from datagen.mesh.box import Box
 from datagen.mesh.distributed_mesh import Mesh
+from datagen.mesh.geometries import Box
 from datagen.mesh.mesh_file import MeshFile
 from datagen.solver.load_stepping import solve_load_case
 from shared_schema.materials import NeoHookean, Volumetric

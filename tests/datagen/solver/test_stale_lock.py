@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from datagen import dolfinx_versions
-from datagen.stale_locks import remove_stale_locks
+from datagen.compiled_cache import remove_stale_locks
 from shared_schema.common.errors import WorkError
 
 

@@ -1,7 +1,16 @@
-"""Rigid tools: their distances, a flat punch in closed form, action and reaction."""
+r"""Rigid tools: their distances, a flat punch in closed form, action and reaction.
+
+A rigid sphere on a half space: Hertz's force of small depths.
+
+.. math:: F = \tfrac43 \frac{E}{1 - ν^2} \sqrt R \, δ^{3/2}
+
+(Johnson 1985, *Contact Mechanics*, chapter 4). A quarter of a block, 130 times as wide as the
+contact, stands for the half space; its hexahedra grow from the contact on.
+"""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,12 +19,12 @@ from mpi4py import MPI
 from scipy.optimize import brentq
 
 from datagen import solve
-from datagen.mesh.box import Box
-from datagen.mesh.distributed_mesh import make_mesh
-from datagen.solver.contact.tool_contact import touched
+from datagen.mesh.distributed_mesh import distributed, make_mesh
+from datagen.mesh.geometries import Box
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings
+from datagen.solver.tool_contact import touched
 from shared_schema.common.bodies.cells import boundary_facets
 from shared_schema.common.errors import InputError, WorkError
 from shared_schema.materials import NeoHookean
@@ -23,6 +32,7 @@ from shared_schema.tools import Capsule, Mesh, Plane, Sphere, Tool, parse_tool
 from tests.closed_surfaces import ball, surface_file
 from tests.datagen.farm_runs import datagen, finish
 from tests.datagen.refusal import refusal
+from tests.datagen.solver.cantilever import box
 
 MATERIAL = NeoHookean(young_modulus=500, poisson_ratio=0.4)
 TOOLS = [
@@ -33,6 +43,8 @@ TOOLS = [
     Capsule((0.0, 0.1), (0.5, 0.4), 0.2),
     Capsule((0.0, 0.1, 0.2), (0.5, 0.4, -0.1), 0.2),
 ]
+RADIUS, DEPTH, YOUNG, POISSON = 20.0, 0.01, 1000.0, 0.3  # m and Pa; the contact's radius is 0.45 m
+SIZE, FIRST, EQUAL, CELLS = 60.0, 0.12, 4, 17  # m; equal cells of the first size, and all
 
 
 @pytest.mark.parametrize("tool", TOOLS, ids=lambda tool: f"{type(tool).__name__}{tool.dimension}")
@@ -215,3 +227,40 @@ def test_a_body_inside_a_tool() -> None:
     problem = EquilibriumProblem(mesh, MATERIAL, np.zeros((9, 2), bool), SolverSettings())
     with pytest.raises(InputError, match="the whole body lies inside the tool"):
         touched(problem, Sphere((0.5, 0.5), 3.0), np.arange(9))
+
+
+def graded() -> np.ndarray:
+    """Positions along an axis in m: equal cells, then a geometric series to the end."""
+    rest = SIZE - EQUAL * FIRST
+
+    def excess(ratio: float) -> float:
+        return float(FIRST * (ratio ** np.arange(1, CELLS - EQUAL + 1)).sum() - rest)
+
+    ratio = brentq(excess, 1.0, 4.0, xtol=1e-12)
+    sizes = np.append(np.full(EQUAL, FIRST), FIRST * ratio ** np.arange(1, CELLS - EQUAL + 1))
+    return np.concatenate([[0.0], np.cumsum(sizes)])
+
+
+@pytest.mark.slow
+def test_force_of_hertz() -> None:
+    """Within 2 %; meshes with smaller cells give +1.0 to +1.9 %. No node is inside."""
+    raw = box((1.0,) * 3, (CELLS,) * 3, simplices=False)
+    places, lines = np.rint(CELLS * raw.coordinates).astype(int), graded()
+    x = np.column_stack([lines[places[:, 0]], lines[places[:, 1]], -lines[CELLS - places[:, 2]]])
+    mesh = distributed(replace(raw, coordinates=x), MPI.COMM_SELF)
+    x = mesh.coordinates
+    held = np.column_stack([x[:, 0] == 0, x[:, 1] == 0, np.zeros(len(x), bool)])
+    held[np.isclose(x[:, 2], -SIZE)] = True
+    settings = SolverSettings(linear_solver="lu")
+    material = NeoHookean(young_modulus=YOUNG, poisson_ratio=POISSON)
+    problem = EquilibriumProblem(mesh, material, held, settings)
+    tool = Sphere((0.0, 0.0, RADIUS), RADIUS + DEPTH)
+    top = np.flatnonzero((x[:, 2] == 0) & (np.hypot(x[:, 0], x[:, 1]) < SIZE / 4))
+    problem.load.contact = touched(problem, tool, top)
+    nothing = np.empty(0, dtype=np.int64), np.empty((0, 3))
+    assert solve_load_case(problem, *nothing, settings).solved
+    contact = problem.load.contact.found(problem.displacement())
+    hertz = 4 / 3 * YOUNG / (1 - POISSON**2) * RADIUS**0.5 * DEPTH**1.5
+    assert -4 * contact.reaction[2] == pytest.approx(hertz, rel=0.02)
+    assert contact.penetration < 1e-12
+    assert contact.nodes > 10

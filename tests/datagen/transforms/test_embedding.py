@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 
 from datagen.cases.case import SHIPPED, read_case
 from datagen.farm.farm import run
-from datagen.mesh.box import Box
+from datagen.mesh.geometries import Box
 from datagen.mesh.mesh_file import MeshFile
-from datagen.transforms.embedding import element_size, embed, multilinear
-from datagen.transforms.grid_choice import finer
+from datagen.transforms.grid_choice import element_size, embed, finer, multilinear
 from datagen.transforms.reindexing import nodal_forces_of, structure
 from shared_schema.checker import check_dataset
 from shared_schema.common.bodies.cells import CELL_TYPES

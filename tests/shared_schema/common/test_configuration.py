@@ -1,3 +1,5 @@
+"""Configurations: what is read of YAML files, new values of keys, lists of shipped files."""
+
 from __future__ import annotations
 
 from pathlib import Path
@@ -6,8 +8,20 @@ from typing import Annotated, Any, Literal
 import pytest
 from pydantic import Field, ValidationError
 
-from shared_schema.common.configuration import Frozen, read_named, read_yaml, validate
+from shared_schema.common.command_line import laid_out
+from shared_schema.common.configuration import (
+    Frozen,
+    changed,
+    one_line,
+    read_named,
+    read_yaml,
+    shipped_files,
+    source_of,
+    validate,
+)
 from shared_schema.common.errors import InputError
+
+NESTED: dict[str, Any] = {"a": {"b": 1, "c": 2}, "list": [{"x": 0}, {"y": 1}], "text": "t"}
 
 
 class Inner(Frozen):
@@ -262,3 +276,77 @@ def test_in_their_own_folder_shipped_files_are_those_here(
     monkeypatch.chdir(shipped)
     assert read_named("beam", shipped, "case")[0] == {"name": "shipped"}
     assert not caplog.messages
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        ("a.b=3", {"a": {"b": 3, "c": 2}}),
+        ("a.b=1e-3", {"a": {"b": 1e-3, "c": 2}}),
+        ("a.b=", {"a": {"b": None, "c": 2}}),
+        ("a={d: [1, 2]}", {"a": {"d": [1, 2]}}),
+        ("new.key=true", {"new": {"key": True}}),
+        ('list.1.y="> 0"', {"list": [{"x": 0}, {"y": "> 0"}]}),
+        ("text=a=b", {"text": "a=b"}),
+    ],
+)
+def test_one_key(change: str, expected: dict[str, Any]) -> None:
+    assert changed(NESTED, [change]) == {**NESTED, **expected}
+    assert NESTED["a"]["b"] == 1
+
+
+def test_the_last_change_of_a_key_counts() -> None:
+    assert changed(NESTED, ["a.b=3", "a.c=4", "a.b=5"])["a"] == {"b": 5, "c": 4}
+
+
+@pytest.mark.parametrize(
+    ("change", "part"),
+    [
+        ("a.b", "expected KEY=VALUE"),
+        ("=3", "expected KEY=VALUE"),
+        ("a..b=3", "expected KEY=VALUE"),
+        ("a.b=[1", "not valid YAML"),
+        ("a.b=!!python/name:os.system", "not valid YAML"),
+        ("text.b=3", "key 'text.b': 'text' = 't' has no parts"),
+        ("list.2.x=3", "key 'list.2': expected a number from 0 to 1 after 'list'"),
+        ("list.x=3", "key 'list.x': expected a number from 0 to 1 after 'list'"),
+    ],
+)
+def test_wrong_changes(change: str, part: str) -> None:
+    with pytest.raises(InputError) as error:
+        changed(NESTED, [change])
+    assert str(error.value).startswith(f"--set '{change}': ")
+    assert part in str(error.value)
+
+
+def test_source_says_what_was_changed() -> None:
+    assert source_of("a.yaml", []) == "a.yaml"
+    assert source_of("a.yaml", ["b=1", "c=2"]) == "a.yaml --set b=1 --set c=2"
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("# A beam.\nname: a\n", "A beam"),
+        ("# A beam (Smith et al. 2022, Fig. 3) with\n# holes. In m.\nname: a", "A beam with holes"),
+        ("# Any load: more of it\n# a: b\n", "Any load"),
+        ("# A beam; of 3.5 m.", "A beam"),
+        ("# No end\nname: a # not this", "No end"),
+        ("name: a\n# later\n", ""),
+    ],
+)
+def test_line_of_a_file(text: str, expected: str) -> None:
+    assert one_line(text) == expected
+
+
+def test_files_are_sorted_by_name(tmp_path: Path) -> None:
+    for name in ("b", "a"):
+        (tmp_path / f"{name}.yaml").write_text(f"# Is {name}.\nname: {name}\n")
+    assert list(shipped_files(tmp_path)) == [
+        ("a", {"name": "a"}, "Is a"),
+        ("b", {"name": "b"}, "Is b"),
+    ]
+
+
+def test_columns_are_aligned() -> None:
+    assert laid_out([("a", "bb"), ("ccc", "")]) == "a    bb\nccc"

@@ -28,28 +28,20 @@ def test_progress_prints_plain_lines(
     assert capsys.readouterr().err.endswith(", done\n")
 
 
-def test_silent_progress(capsys: pytest.CaptureFixture[str]) -> None:
-    with shown_progress():
-        progress = Progress(10, silent=True)
-    progress.update(10)
-    progress.close()
-    assert capsys.readouterr().err == ""
-
-
-def test_nothing_is_shown_outside_of_a_command(capsys: pytest.CaptureFixture[str]) -> None:
-    Progress(10, 4, "steps", "train").close()
-    assert capsys.readouterr().err == ""
-
-
 def test_progress_without_any_advance(capsys: pytest.CaptureFixture[str]) -> None:
     with shown_progress():
         Progress(10, 4, "steps", "train").close()
     assert capsys.readouterr().err == "train: 4/10 steps, 0.0/s, time left unknown\n"
 
 
-def test_passing_progress_leaves_no_last_line(capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_is_silent(capsys: pytest.CaptureFixture[str]) -> None:
+    """Work outside of a command, passing work at its end, and what is said to be silent."""
+    Progress(10, 4, "steps", "train").close()
     with shown_progress():
-        Progress(10, 4, "steps", "train", passing=True).close()
+        for options in ({"silent": True}, {"passing": True}):
+            progress = Progress(10, 4, "steps", "train", **options)
+            progress.update(10)
+            progress.close()
     assert capsys.readouterr().err == ""
 
 

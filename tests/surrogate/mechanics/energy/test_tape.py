@@ -10,7 +10,7 @@ from shared_schema.materials import SHIPPED, RecordedMaterial, shipped_material
 from shared_schema.materials.own_material import recorded
 from surrogate.mechanics.energy.law import law_of
 from surrogate.mechanics.energy.tape import Tape
-from tests.shared_schema.materials.test_recorded_energy import KEYS
+from tests.shared_schema.test_materials import KEYS_OF as KEYS
 
 
 @pytest.mark.parametrize("exponent", [1, 7, 9, 17, 1000, -3, -1000, 2.5, -1000.25, 1e12])

@@ -1,1 +1,0 @@
-"""Strain energy of a body and its derivatives, as forms that FFCx compiles."""
