@@ -6,7 +6,7 @@ What a command of ``datagen`` does is one call here::
     manifest = datagen.run("beam2d", "data/beam2d/nodal", samples=20)
     datagen.structure("data/beam2d/nodal", "data/beam2d/structured")
 
-`run` and `dry_run` are collective over the ranks of MPI; all else is for one process. Wrong input
+`run` is collective over the ranks of MPI; all else is for one process. Wrong input
 raises `InputError`, work that fails `WorkError`.
 """
 
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from datagen.contrib.plaid.exporting import export_plaid
     from datagen.farm.body_dataset import body
     from datagen.farm.farm import run
-    from datagen.farm.run_estimate import DryRun, dry_run
     from datagen.output.dataset_figure import plot_dataset as plot
     from datagen.output.dataset_info import info
     from datagen.output.paraview_series import export
@@ -35,7 +34,6 @@ if TYPE_CHECKING:
 __version__ = "0.2.0"
 __all__ = [
     "Case",
-    "DryRun",
     "InputError",
     "Solution",
     "WorkError",
@@ -44,7 +42,6 @@ __all__ = [
     "case_keys",
     "case_schema",
     "check",
-    "dry_run",
     "export",
     "export_plaid",
     "info",

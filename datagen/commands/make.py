@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from shared_schema.common.command_line import Commands, Parser, add_command, add_set, laid_out
+from shared_schema.common.command_line import Commands, Parser, add_command, add_set
 from shared_schema.grid import IN_A_ROW
 
 CASE = "YAML file, or the name of a shipped case"
@@ -60,7 +60,6 @@ def add_run(commands: Commands) -> None:
         "run",
         "solve every load case of a case (under mpirun, or not)",
         "mpirun -n 2 datagen run beam2d --out data/beam2d/nodal --samples 1000",
-        "datagen run beam3d --out data/beam3d/nodal --dry-run",
     )
     add_case(parser)
     parser.add_argument(
@@ -78,11 +77,6 @@ def add_run(commands: Commands) -> None:
     parser.add_argument(
         "--ranks-per-solve", type=int, default=1, metavar="R", help="ranks that share each solve"
     )
-    parser.add_argument(
-        "--dry-run",
-        action="store_true",
-        help="time some samples and print what the run would take; nothing is written",
-    )
     parser.set_defaults(command=_run, collective=True)
 
 
@@ -94,14 +88,8 @@ def _run(options: argparse.Namespace) -> None:
 
     names = "samples", "volumetric", "changes", "loads", "trust", "ranks_per_solve"
     given = {name: getattr(options, name) for name in names}
-    is_first = MPI.COMM_WORLD.rank == 0
-    if options.dry_run:
-        estimate = datagen.dry_run(options.case, **given)
-        if is_first:
-            print(laid_out(estimate.rows()))
-        return
     manifest = datagen.run(options.case, options.out, **given)
-    if is_first:
+    if MPI.COMM_WORLD.rank == 0:
         print(f"{options.out}: {manifest.samples} samples solved, {manifest.failed} failed")
 
 

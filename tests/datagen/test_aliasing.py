@@ -43,10 +43,6 @@ class World:
         datagen.run("beam2d", self.folder / "nodal", samples=2)
         return self.folder / "nodal"
 
-    @cached_property
-    def estimate(self) -> datagen.DryRun:
-        return datagen.dry_run("beam2d", samples=2)
-
 
 def arguments() -> Given:
     """Arrays, lists and mappings that a caller may give."""
@@ -93,9 +89,6 @@ CALLS: dict[str, Callable[[World, Given], Any]] = {
     "run": lambda w, g: (
         datagen.run(g["content"], w.out("run"), samples=2, changes=g["changes"]).case
     ),
-    "dry_run": lambda w, g: datagen.dry_run(g["content"], samples=2, changes=g["changes"]).samples,
-    "DryRun.hours": lambda w, g: type(w.estimate.hours),
-    "DryRun.rows": lambda w, g: type(w.estimate.rows()),
     "body": lambda w, g: datagen.body(g["content"], w.out("body"), changes=g["changes"]).case,
     "structure": lambda w, g: datagen.structure(w.nodal, w.out("grid"), grid="nodes").case,
     "add_noise": lambda w, g: datagen.add_noise(w.nodal, w.out("noisy"), seed=1).case,

@@ -113,7 +113,6 @@ def test_an_empty_path_is_not_the_working_directory(
     calls: list[Callable[[], object]] = [
         lambda: datagen.run("beam2d", "", samples=2),
         lambda: datagen.run("beam2d", out, samples=2, loads=""),
-        lambda: datagen.dry_run("beam2d", samples=2, loads=""),
         lambda: datagen.structure(nodal, ""),
         lambda: datagen.structure("", out),
         lambda: datagen.add_noise(nodal, "", relative=0.1),
@@ -153,7 +152,6 @@ def test_a_dataset_from_its_cases_to_its_figures(nodal: Path, tmp_path: Path) ->
     assert datagen.export(nodal, tmp_path / "a.xdmf", samples=range(1, 3)) == [1, 2]
     assert datagen.plot(nodal, tmp_path / "a.png", samples=[3, 0]) == [3, 0]
     assert datagen.add_noise(nodal, tmp_path / "noisy", seed=1).samples == 4
-    assert datagen.dry_run("beam2d", samples=4).samples == 4
 
 
 def test_cases_and_their_keys() -> None:
