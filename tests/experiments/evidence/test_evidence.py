@@ -33,8 +33,8 @@ def test_a_requirement_without_a_test(tmp_path: Path) -> None:
     text = FILE.read_text()
     for old, new in (
         ("::test_breast_under_a_body_force", "::test_breast_that_is_not_there"),
-        ("solver/test_organs.py", "solver/test_nowhere.py"),
-        ("[datagen/solver/test_organs.py::test_breast_under_a_body_force]", "[]"),
+        ("solver/test_equilibrium_by_calculix.py", "solver/test_nowhere.py"),
+        ("[datagen/solver/test_equilibrium_by_calculix.py::test_breast_under_a_body_force]", "[]"),
     ):
         assert old in text
         changed = tmp_path / "requirements.yaml"
