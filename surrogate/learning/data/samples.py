@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import torch
@@ -13,8 +13,10 @@ from torch import Tensor
 
 from shared_schema.common.bodies.nodal_forces import scatter_forces
 from shared_schema.common.errors import InputError
-from shared_schema.dataset_reader import DatasetReader
 from shared_schema.manifest import Manifest
+
+if TYPE_CHECKING:
+    from shared_schema.dataset_reader import DatasetReader
 
 Location = Literal["auto", "device", "host", "disk"]  # memory of the samples during a training
 Array = NDArray[np.float64]
@@ -110,6 +112,8 @@ def read_nodal_dataset(folder: str | Path) -> NodalDataset:
     InputError
         If there is no dataset, it is of another kind, or any byte of it has changed.
     """
+    from shared_schema.dataset_reader import DatasetReader
+
     reader = DatasetReader(Path(folder), "nodal")
     if reader.manifest.samples == 0:
         raise InputError(f"{folder}: no samples in it")

@@ -31,7 +31,7 @@ from surrogate.learning.measures.error_metrics import (
 )
 from surrogate.learning.measures.extrapolation import Extrapolation, extrapolate
 from surrogate.learning.measures.force_sweep import find_example, tip_measures
-from surrogate.learning.networks.unet import parameter_count
+from surrogate.learning.networks.field_network import parameter_count
 from surrogate.learning.probabilistic.calibration import CalibrationMeasures, measure_calibration
 from surrogate.learning.probabilistic.distribution import Distribution
 from surrogate.learning.probabilistic.stochastic_passes import PASSES

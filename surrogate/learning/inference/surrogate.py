@@ -18,8 +18,7 @@ from shared_schema.common.errors import InputError, WorkError
 from shared_schema.common.progress import Progress
 from surrogate.learning.inference.prediction import Predictor, given_aim
 from surrogate.learning.inference.training_range import TrainingRange
-from surrogate.learning.networks.field_network import FieldNetwork
-from surrogate.learning.networks.unet import parameter_count
+from surrogate.learning.networks.field_network import FieldNetwork, parameter_count
 from surrogate.learning.probabilistic.distribution import Distribution
 from surrogate.learning.probabilistic.stochastic_passes import PASSES, require_passes
 from surrogate.learning.runs.description import RunDescription

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from shared_schema.common.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from surrogate.learning.networks.field_network import FieldNetwork
-    from surrogate.learning.networks.unet import UNet, UNetConfig, parameter_count
+    from surrogate.learning.networks.field_network import FieldNetwork, parameter_count
+    from surrogate.learning.networks.unet import UNet, UNetConfig
 
 __all__ = [
     "FieldNetwork",

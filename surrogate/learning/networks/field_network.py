@@ -368,3 +368,9 @@ def root_mean_square(info: StructuredInfo) -> float:
     components = zip(info.displacement.mean, info.displacement.std, strict=True)
     squares = [mean**2 + std**2 for mean, std in components]
     return math.sqrt(sum(squares) / len(squares)) or 1.0
+
+
+def parameter_count(module: nn.Module) -> int:
+    """Return the number of trainable parameters."""
+    parameters = module.parameters()
+    return sum(parameter.numel() for parameter in parameters if parameter.requires_grad)

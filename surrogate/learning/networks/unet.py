@@ -361,9 +361,3 @@ def normalised_biases(network: nn.Module) -> Iterator[nn.Parameter]:
                 is_normalised = isinstance(following, nn.BatchNorm2d | nn.BatchNorm3d)
                 if is_normalised and isinstance(layer.bias, nn.Parameter):
                     yield layer.bias
-
-
-def parameter_count(module: nn.Module) -> int:
-    """Return the number of trainable parameters."""
-    parameters = module.parameters()
-    return sum(parameter.numel() for parameter in parameters if parameter.requires_grad)

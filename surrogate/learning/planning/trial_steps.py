@@ -9,7 +9,7 @@ from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.command_line import laid_out
 from shared_schema.common.errors import InputError
 from surrogate.learning.models.model import TrainedModel
-from surrogate.learning.networks.unet import parameter_count
+from surrogate.learning.networks.field_network import parameter_count
 from surrogate.learning.runs.config_reader import Config, Data, read_config
 from surrogate.learning.training.setup import (
     dataset_for,

@@ -26,8 +26,7 @@ from surrogate.learning.inference.loading import load
 from surrogate.learning.inference.surrogate import Surrogate, make_surrogate
 from surrogate.learning.models.model import Model, TrainedModel
 from surrogate.learning.models.training_config import RecalibratedTraining
-from surrogate.learning.networks.field_network import FieldNetwork
-from surrogate.learning.networks.unet import parameter_count
+from surrogate.learning.networks.field_network import FieldNetwork, parameter_count
 from surrogate.learning.runs.config_reader import Config, Data, read_config
 from surrogate.learning.runs.description import RunDescription, describe
 from surrogate.learning.runs.folder import RunFolder

@@ -17,7 +17,7 @@ from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.evaluation.run_evaluation import evaluate
 from surrogate.learning.inference.surrogate import Surrogate
 from surrogate.learning.measures.error_metrics import Array, ErrorMeasures, measure
-from surrogate.learning.networks.unet import parameter_count
+from surrogate.learning.networks.field_network import parameter_count
 
 
 @pytest.fixture(scope="module")

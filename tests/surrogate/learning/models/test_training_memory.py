@@ -8,7 +8,7 @@ import pytest
 from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.models.network_model import training_memory
 from surrogate.learning.models.unet_model import UNetModel
-from surrogate.learning.networks.unet import parameter_count
+from surrogate.learning.networks.field_network import parameter_count
 
 MakeConfig = Callable[..., UNetModel]
 

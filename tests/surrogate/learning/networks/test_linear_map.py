@@ -21,8 +21,8 @@ from surrogate.learning.inference.loading import load
 from surrogate.learning.inference.surrogate import Surrogate
 from surrogate.learning.models.kinds import run_config
 from surrogate.learning.models.model import Model
+from surrogate.learning.networks.field_network import parameter_count
 from surrogate.learning.networks.linear_map import LinearMap, compliance_of
-from surrogate.learning.networks.unet import parameter_count
 from surrogate.learning.runs.description import describe
 from surrogate.learning.runs.folder import RunFolder
 from surrogate.learning.training.loop import train

@@ -6,7 +6,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from surrogate.learning.networks.unet import UNet, UNetConfig, parameter_count
+from surrogate.learning.networks.field_network import parameter_count
+from surrogate.learning.networks.unet import UNet, UNetConfig
 from surrogate.learning.optim.optimisers import OptimiserConfig, make_optimisers
 from surrogate.learning.probabilistic.likelihoods import deterministic_loss
 

@@ -7,13 +7,13 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from surrogate.learning.networks.field_network import parameter_count
 from surrogate.learning.networks.unet import (
     TRANSFORMS,
     Transform,
     UNet,
     UNetConfig,
     normalised_biases,
-    parameter_count,
 )
 
 

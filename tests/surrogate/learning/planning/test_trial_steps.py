@@ -15,7 +15,7 @@ from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.data.joined_dataset import read_dataset
 from surrogate.learning.models.kinds import run_config
 from surrogate.learning.models.unet_model import UNetModel
-from surrogate.learning.networks.unet import parameter_count
+from surrogate.learning.networks.field_network import parameter_count
 from surrogate.learning.planning.trial_steps import dry_run
 from surrogate.learning.runs.split import split_training
 

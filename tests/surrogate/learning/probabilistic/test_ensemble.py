@@ -13,7 +13,7 @@ from surrogate.learning.evaluation.run_evaluation import evaluate
 from surrogate.learning.inference.loading import load
 from surrogate.learning.inference.surrogate import Surrogate
 from surrogate.learning.models.unet_model import UNetModel
-from surrogate.learning.networks.unet import parameter_count
+from surrogate.learning.networks.field_network import parameter_count
 from surrogate.learning.probabilistic.likelihoods import Prediction
 from surrogate.learning.probabilistic.stochastic_passes import Ensemble
 from surrogate.learning.runs.folder import RunFolder

@@ -16,7 +16,8 @@ from torch.distributions import Normal, kl_divergence
 from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.models.model import TrainedModel
 from surrogate.learning.models.unet_model import UNetModel
-from surrogate.learning.networks.unet import UNet, UNetConfig, parameter_count
+from surrogate.learning.networks.field_network import parameter_count
+from surrogate.learning.networks.unet import UNet, UNetConfig
 from surrogate.learning.probabilistic.flipout import VariationalConvolutions, flipouts
 from surrogate.learning.probabilistic.gaussian_parameter import GaussianParameter
 from surrogate.learning.probabilistic.likelihoods import EvidenceLowerBound, Prediction
