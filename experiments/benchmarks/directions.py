@@ -41,7 +41,7 @@ from experiments.framework.kept_rows import Row, add_rows_option, kept_rows
 from experiments.framework.report import table_of
 from experiments.framework.timing import timed
 from shared_schema.common import Parser, WorkError
-from surrogate.learning.inference import drawn_loads, separated
+from surrogate.learning.inference import drawn_loads
 from surrogate.learning.measures import node_errors
 from surrogate.mechanics import Load
 from surrogate.mechanics.descent import Aim
@@ -64,7 +64,7 @@ def judged(model: surrogate.Surrogate, number: int, seed: int) -> Row:
     """
     geometry = model.geometry
     force = drawn_loads(model, 1, np.random.default_rng([seed, number]))
-    load = Load(*separated(geometry, force))[0]
+    load = Load.of_samples(geometry, force)[0]
     work = partial(model.predictor.respond, force[0])
     (plain, last), taken = timed(work, time.process_time)
     driven, seconds, directions, reached = [plain], [taken], [0], [False]
@@ -98,7 +98,7 @@ def compare(name: str, count: int, seed: int, kept: Path | None = None) -> Resul
     """Compare the ways on the loads of one network."""
     model = surrogate.load(name)
     force = drawn_loads(model, 1, np.random.default_rng([seed, 0]))
-    load = Load(*separated(model.geometry, force))[0]
+    load = Load.of_samples(model.geometry, force)[0]
     model.body.descend(load, model.predict(force[0]), Aim(TOLERANCES[-1]))  # compiles
 
     def said(number: int) -> Row:

@@ -15,7 +15,6 @@ from surrogate.figures.mesh_figures import deformed_meshes
 from surrogate.figures.stress_figures import von_mises_beside_reference
 from surrogate.learning.measures.error_metrics import displacement_at_load, sample_errors
 from surrogate.learning.probabilistic.calibration import CalibrationMeasures
-from surrogate.mechanics.statics.load import Load
 
 if TYPE_CHECKING:
     from surrogate.learning.evaluation.run_evaluation import Evaluation
@@ -51,7 +50,7 @@ def _error_figures(evaluation: Evaluation, title: str) -> Drawings:
     force = evaluation.force[example]
 
     def von_mises() -> Figure:
-        load, body = Load(*evaluation.acting)[example], evaluation.surrogate.body
+        load, body = evaluation.acting[example], evaluation.surrogate.body
         both = (body.stresses_under(load, u) for u in (predicted, reference))
         ours, theirs = (fields["von_mises"][0] for fields in both)
         return von_mises_beside_reference(geometry, predicted, reference, (ours, theirs))

@@ -39,8 +39,7 @@ from surrogate.learning.runs.folder import RunFolder
 from surrogate.learning.runs.shelf import copy_run, find_run, require_changeable
 from surrogate.mechanics.certify.conformal import Intervals
 from surrogate.mechanics.certify.fast_certificate import FastCertificate
-from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
-from surrogate.mechanics.statics.load import separated
+from surrogate.mechanics.statics.load import Load
 from surrogate.runtime.device import choose_device
 
 if TYPE_CHECKING:
@@ -78,7 +77,7 @@ class Evaluation:
         Calibrated bounds of single errors.
     stress : StressMeasures or None
         Errors of von Mises stresses, if the material is a shipped one.
-    acting : tuple of array (M, n_nodes or n_points, d) and FollowerPressure or None
+    acting : Load
         Dead loads in N and pressures of the samples, as far as stresses depend on them.
     content : dict
         All measures and their origin as plain data, as in ``evaluation.json``.
@@ -96,7 +95,7 @@ class Evaluation:
     intervals: Intervals | None
     fast_certificate: FastCertificate | None
     stress: StressMeasures | None
-    acting: tuple[Array, FollowerPressure | None]
+    acting: Load
     content: dict[str, Any]
 
     @property
@@ -268,7 +267,7 @@ def evaluate(
         others = extrapolate(surrogate, Path(loads), passes, seed)
     measures = measure(force, predicted.mean, reference, tip)
     acting = acting_in(data)
-    stress = measure_stresses(surrogate, predicted.mean, reference, *acting)
+    stress = measure_stresses(surrogate, predicted.mean, reference, acting.dead, acting.pressure)
     example = find_example(force, reference, tip, np.array([tip]), example_displacement)
     moved, error = tip_measures(predicted.mean[example], reference[example], tip)
     content = origin_of(folder, surrogate, data) | {
@@ -288,16 +287,16 @@ def evaluate(
         content["extrapolation"] = others.plain()
         if fast is not None:
             theirs, samples = others.predicted, others.samples
-            dead, pressure = separated(surrogate.geometry, samples.load)
+            acts = Load.of_samples(surrogate.geometry, samples.load)
             content["extrapolation"]["fast_certificate"] = fast.measures(
-                dead, theirs.mean, samples.displacement, theirs.std, pressure
+                acts.dead, theirs.mean, samples.displacement, theirs.std, acts.pressure
             )
     if intervals is not None:
         scale = surrogate.score_scale(predicted)
         content["conformal"] = intervals.measures(predicted.mean, scale, reference, free)
     if fast is not None:
-        dead, pressure = separated(surrogate.geometry, data.nodal_test.load)
-        bounds = fast.measures(dead, predicted.mean, reference, predicted.std, pressure)
+        acts = Load.of_samples(surrogate.geometry, data.nodal_test.load)
+        bounds = fast.measures(acts.dead, predicted.mean, reference, predicted.std, acts.pressure)
         content["fast_certificate"] = bounds
     return Evaluation(
         run=folder.folder,
@@ -317,26 +316,26 @@ def evaluate(
     )
 
 
-def acting_in(data: Dataset) -> tuple[Array, FollowerPressure | None]:
-    """Dead loads in N and pressures of the test samples, if elements move under them in between.
+def acting_in(data: Dataset) -> Load:
+    """Loads of the test samples, if elements move under them in between.
 
     Elements without points between the nodes do not: their loads are left as they are.
     """
     loads = data.nodal_test.load
     if not data.geometry.has_points_between:
-        return loads, None
+        return Load(loads)
     try:
-        return separated(data.geometry, loads)
+        return Load.of_samples(data.geometry, loads)
     except InputError as error:
         logger.warning("stresses between the nodes are those under dead forces: %s", error)
-        return loads, None
+        return Load(loads)
 
 
 def has_estimate(surrogate: Surrogate, force: Array) -> bool:
     """Whether there are fast estimates for the body and samples of a run; if not, log why."""
     try:
         surrogate.fast_estimate  # noqa: B018
-        separated(surrogate.geometry, force)
+        Load.of_samples(surrogate.geometry, force)
     except InputError as error:
         logger.warning("no fast certificate: %s", error)
         return False

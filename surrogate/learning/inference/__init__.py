@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from surrogate.learning.inference.export import NodalFunction, fixed_directions
     from surrogate.learning.inference.modal_cubature import balance
     from surrogate.learning.inference.surrogate import Surrogate
-    from surrogate.mechanics.statics.load import separated
 
 __all__ = [
     "NodalFunction",
@@ -33,6 +32,5 @@ __all__ = [
     "drawn_loads",
     "fit_fast_certificate",
     "fixed_directions",
-    "separated",
 ]
 __getattr__, __dir__ = lazy_names(__name__)

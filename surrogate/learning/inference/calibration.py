@@ -40,7 +40,7 @@ from surrogate.mechanics.certify.calibrated_range import LEAST_STIFFNESS
 from surrogate.mechanics.certify.certificate_protocol import LEVEL
 from surrogate.mechanics.certify.conformal import KINDS, ConformalCalibration, Intervals
 from surrogate.mechanics.certify.fast_certificate import FastCertificate
-from surrogate.mechanics.statics.load import separated
+from surrogate.mechanics.statics.load import Load
 
 Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)
@@ -155,16 +155,15 @@ class HeldOut:
             material.
         """
         predicted = surrogate.averaged_passes(forces, passes, seed)
-        dead, pressure = separated(surrogate.geometry, forces)
-        _, _, softest = surrogate.fast_estimate.with_stability(dead, predicted.mean, pressure)
-        values = np.zeros((len(forces), 0)) if pressure is None else pressure.pressures
+        loads = Load.of_samples(surrogate.geometry, forces)
+        estimate = surrogate.fast_estimate
+        _, _, softest = estimate.with_stability(loads.dead, predicted.mean, loads.pressure)
         rows, truth = [], []
         stable = np.flatnonzero(softest > LEAST_STIFFNESS)
         with closing(Progress(len(stable), unit="loads", title="corrected")) as progress:
             for done, row in enumerate(stable, start=1):
-                pushed = None if pressure is None else values[row]
                 try:
-                    found = surrogate.correct(forces[row], predicted.mean[row], pressure=pushed)
+                    found = surrogate.body.correct(loads[int(row)], predicted.mean[row])
                 except WorkError:
                     continue
                 finally:
@@ -261,9 +260,9 @@ def fit_on_samples(surrogate: Surrogate, samples: HeldOut) -> FastCertificate:
     """
     predicted = samples.predicted
     std = predicted.std if surrogate.is_probabilistic else None
-    dead, pressure = separated(surrogate.geometry, samples.force)
+    load = Load.of_samples(surrogate.geometry, samples.force)
     return FastCertificate.fit(
-        surrogate.fast_estimate, dead, predicted.mean, samples.truth, std, pressure
+        surrogate.fast_estimate, load.dead, predicted.mean, samples.truth, std, load.pressure
     )
 
 
@@ -340,10 +339,11 @@ def calibrate(
 
 def measured(fast: FastCertificate, model: Surrogate, fresh: HeldOut, loads: int) -> dict[str, Any]:
     """Measure the bounds on fresh samples; those of `loads` that are not among them are refused."""
-    dead, pressure = separated(model.geometry, fresh.force)
+    load = Load.of_samples(model.geometry, fresh.force)
     predicted, std = fresh.predicted.mean, fresh.predicted.std
-    content = fast.measures(dead, predicted, fresh.truth, std if std.any() else None, pressure)
-    bounds = fast.certify(dead, predicted, LEVEL, None, pressure)
+    of = std if std.any() else None
+    content = fast.measures(load.dead, predicted, fresh.truth, of, load.pressure)
+    bounds = fast.certify(load.dead, predicted, LEVEL, None, load.pressure)
     bounded = np.isfinite(bounds.largest)
     content["refused"] = 1 - int(bounded.sum()) / loads
     error = predicted - fresh.truth

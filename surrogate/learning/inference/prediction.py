@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -19,7 +20,7 @@ from surrogate.learning.probabilistic.stochastic_passes import PASSES, Passes
 from surrogate.mechanics.descent.aim import Aim
 from surrogate.mechanics.series.series_response import SeriesResponse
 from surrogate.mechanics.statics.body import Body, Remade
-from surrogate.mechanics.statics.load import Load, separated
+from surrogate.mechanics.statics.load import Load
 from surrogate.mechanics.statics.prediction import Series
 
 if TYPE_CHECKING:
@@ -142,8 +143,8 @@ class Predictor(Remade):
         geometry = self.body.geometry
         if pressure is not None or not geometry.surfaces:
             return Load.told_apart(geometry, loads, pressure)
-        dead, follows = separated(geometry, loads.reshape(-1, *loads.shape[-2:]))
-        return Load(dead.reshape(loads.shape), follows)
+        of_samples = Load.of_samples(geometry, loads.reshape(-1, *loads.shape[-2:]))
+        return replace(of_samples, dead=of_samples.dead.reshape(loads.shape))
 
 
 def certain(mean: Array) -> Distribution:

@@ -26,8 +26,8 @@ from surrogate.learning.networks.layers import (
     BatchNorm,
     LastAxisNorm,
 )
-from surrogate.learning.probabilistic.dropout import ChannelDropout
 from surrogate.learning.probabilistic.flipout import FlipoutConvolution, VariationalConvolutions
+from surrogate.learning.probabilistic.stochastic_passes import ChannelDropout
 
 CONVOLUTIONS: dict[int, type[nn.Conv2d | nn.Conv3d]] = {2: nn.Conv2d, 3: nn.Conv3d}
 POOLINGS = {2: nn.MaxPool2d, 3: nn.MaxPool3d}

@@ -1,6 +1,6 @@
 """Random weights and outputs: likelihoods, Flipout, dropout, ensembles, passes, and their moments.
 
-A pass is one prediction with drawn weights (`flipout`, `dropout`) or by one member of an ensemble;
+A pass is one prediction with drawn weights (`flipout`, dropout) or by one member of an ensemble;
 each has a mean and, with a likelihood, a standard deviation. `distribution` joins the passes to one
 distribution, and `calibration` measures distributions against reference solutions.
 """

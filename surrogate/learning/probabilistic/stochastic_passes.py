@@ -9,6 +9,10 @@ others, of the same network.
 The members of a deep ensemble (Lakshminarayanan et al. 2017) differ by their initial weights. All
 see the same batches, and the loss is the mean of their losses, so that each is trained as if it
 were alone. The standard deviation over the members is taken as the epistemic uncertainty.
+
+With Monte Carlo dropout, every pass drops other channels of the same network; the standard
+deviation over the passes is taken as the epistemic uncertainty (Gal and Ghahramani 2016; whole
+channels: Tompson et al. 2015).
 """
 
 from __future__ import annotations
@@ -20,6 +24,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import torch
 from torch import Tensor, nn
+from torch.nn import functional
 
 from shared_schema.common.errors import InputError
 from surrogate.learning.probabilistic.gaussian_parameter import GaussianParameter
@@ -32,6 +37,43 @@ DRAWN = 2**28  # weights drawn at once: a gigabyte
 PART_OF_FREE_MEMORY = 0.25  # what they may take of a GPU's, if that is more
 PASSES = 300  # of a prediction, as the paper's
 MOST_PASSES, MOST_SEED = 10**6, 2**63 - 1
+
+
+class ChannelDropout(nn.Module):
+    """Sets channels to zero with probability p, and multiplies the others by 1 / (1 − p).
+
+    In training every sample of a batch has its own mask. In evaluation nothing is dropped. With
+    what is drawn (`drawn.using`), a batch consists of as many equal chunks as there were draws,
+    each with one mask.
+
+    Parameters
+    ----------
+    channels : int
+    rate : float
+        Probability p.
+    """
+
+    fixed: Sample | None = None
+
+    def __init__(self, channels: int, rate: float) -> None:
+        super().__init__()
+        self.channels, self.rate = channels, rate
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Mask: (N, channels, nx, ny[, nz]) → the same shape."""
+        extra = (1,) * (x.ndim - 2)
+        drawn = drawn_for(self)
+        if drawn is not None:
+            masks = drawn[0].to(x).reshape(-1, 1, self.channels, *extra)
+            return (x.reshape(len(masks), -1, *x.shape[1:]) * masks).reshape(x.shape)
+        if not self.training:
+            return x
+        return x * functional.dropout(x.new_ones(*x.shape[:2], *extra), self.rate)
+
+    def draw(self, generators: Sequence[torch.Generator]) -> tuple[Tensor]:
+        """Draw independent masks for evaluation, one for each generator of the CPU."""
+        kept = [torch.rand(self.channels, generator=one) >= self.rate for one in generators]
+        return (torch.stack(kept) / (1 - self.rate),)
 
 
 @runtime_checkable

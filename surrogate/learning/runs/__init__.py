@@ -1,8 +1,8 @@
 """A run: its configuration, its folder, and the split of its training samples.
 
 `config_reader` reads configurations, such as the recipes of the package. `folder`
-has the files of a run, `description` the content of its ``config.yaml``; `seal` and `metric_lines`
-check that nothing has changed. `shelf` finds the trained networks that come with the package.
+has the files of a run, `description` the content of its ``config.yaml``; `seal`
+checks that nothing has changed. `shelf` finds the trained networks that come with the package.
 """
 
 from typing import TYPE_CHECKING

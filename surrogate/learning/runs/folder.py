@@ -33,8 +33,7 @@ from shared_schema.common.errors import InputError
 from shared_schema.common.files import complete_or_absent, remove_partial_files, write_text
 from shared_schema.common.folder_lock import LOCK, FolderLock
 from surrogate.learning.runs.description import RunDescription
-from surrogate.learning.runs.metric_lines import read_lines, write_lines
-from surrogate.learning.runs.seal import Seal
+from surrogate.learning.runs.seal import Seal, read_lines, write_lines
 from surrogate.runtime.tensor_file import load_tensors, save_atomically
 
 

@@ -13,7 +13,7 @@ from shared_schema.common.units import SI, Units
 from surrogate.learning.models.model import TrainedModel
 from surrogate.learning.runs.description import RunDescription
 from surrogate.learning.runs.folder import RunFolder
-from surrogate.learning.runs.metric_lines import append_line
+from surrogate.learning.runs.seal import append_line
 from surrogate.learning.training.trainer import Trainer
 
 Line = Mapping[str, float]

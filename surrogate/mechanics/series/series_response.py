@@ -10,7 +10,7 @@ network's, and single precision takes half of the time.
 A pressure that follows the surface is a part of the forces, as datasets hold them: those on the
 undeformed body. That of a surface is the median of the pressures that explain the forces of its
 nodes; it is exact if fewer than half of these have another force
-(`surrogate.mechanics.statics.load.separated`). Otherwise forces keep their direction.
+(`surrogate.mechanics.statics.load.Load.of_samples`). Otherwise forces keep their direction.
 """
 
 from __future__ import annotations

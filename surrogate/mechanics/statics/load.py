@@ -77,6 +77,45 @@ class Load:
         follows = checked_pressure(geometry, pressure, forces)
         return cls(dead_part(geometry, forces, follows), follows)
 
+    @classmethod
+    def of_samples(cls, geometry: Geometry, forces: Array) -> Load:
+        """Tell the pressures of samples from their dead forces, which a dataset holds as one sum.
+
+        The pressure of a surface is the median of those that explain the force of each of its
+        nodes. It is exact if fewer than half of these have another force.
+
+        Parameters
+        ----------
+        geometry : Geometry
+        forces : array, (N, n_nodes, d)
+            Loads in N, with the forces of pressures on the undeformed body.
+
+        Raises
+        ------
+        InputError
+            If another force acts on half of the nodes, or no node belongs to one surface alone.
+        """
+        if not geometry.surfaces:
+            return cls(forces)
+        count, nodes = len(geometry.surfaces), len(geometry.coordinates)
+        of_units = checked_pressure(geometry, -np.eye(count), np.zeros((count, 1, 1)))
+        assert of_units is not None
+        areas = of_units.load[:, :nodes] * geometry.free
+        own = areas.any(axis=2) & (areas.any(axis=2).sum(axis=0) == 1)
+        pressures, known = np.zeros((len(forces), len(areas))), own.any(axis=1).all()
+        for number, (area, some) in enumerate(zip(areas, own, strict=True)):
+            if known:
+                a, f = area[some], forces[:, :nodes][:, some]
+                pressures[:, number] = np.median(-(f * a).sum(2) / (a * a).sum(1), axis=1)
+        pressure = replace(of_units, pressures=pressures)
+        dead = dead_part(geometry, forces, pressure)
+        for some in own:
+            loaded = dead[:, :nodes][:, some].any(axis=2).sum(axis=1)
+            known = known and (2 * loaded < some.sum()).all()
+        if not known:
+            raise InputError("the pressures of the samples cannot be told from their other forces")
+        return cls(dead, pressure)
+
     def __getitem__(self, cases: int | slice) -> Load:
         """One of N load cases, or some."""
         some = slice(cases, cases + 1) if isinstance(cases, int) else cases
@@ -209,52 +248,6 @@ def dead_part(geometry: Geometry, forces: Array, pressure: FollowerPressure | No
     dead = (forces - at_rest) * geometry.free_at_points[:rows]
     size = np.linalg.norm(at_rest, axis=-1, keepdims=True)
     return np.where(np.abs(dead) <= ROUNDING * size, 0.0, dead)
-
-
-def separated(geometry: Geometry, forces: Array) -> tuple[Array, FollowerPressure | None]:
-    """Tell the pressures of samples from their dead forces, which a dataset holds as one sum.
-
-    The pressure of a surface is the median of those that explain the force of each of its nodes. It
-    is exact if fewer than half of these have another force.
-
-    Parameters
-    ----------
-    geometry : Geometry
-    forces : array, (N, n_nodes, d)
-        Loads in N, with the forces of pressures on the undeformed body.
-
-    Returns
-    -------
-    dead : array of the same shape
-        In N.
-    pressure : FollowerPressure or None
-        None for a body without such surfaces.
-
-    Raises
-    ------
-    InputError
-        If another force acts on half of the nodes, or no node belongs to one surface alone.
-    """
-    if not geometry.surfaces:
-        return forces, None
-    count, nodes = len(geometry.surfaces), len(geometry.coordinates)
-    of_units = checked_pressure(geometry, -np.eye(count), np.zeros((count, 1, 1)))
-    assert of_units is not None
-    areas = of_units.load[:, :nodes] * geometry.free
-    own = areas.any(axis=2) & (areas.any(axis=2).sum(axis=0) == 1)
-    pressures, known = np.zeros((len(forces), len(areas))), own.any(axis=1).all()
-    for number, (area, some) in enumerate(zip(areas, own, strict=True)):
-        if known:
-            a, f = area[some], forces[:, :nodes][:, some]
-            pressures[:, number] = np.median(-(f * a).sum(2) / (a * a).sum(1), axis=1)
-    pressure = replace(of_units, pressures=pressures)
-    dead = dead_part(geometry, forces, pressure)
-    for some in own:
-        loaded = dead[:, :nodes][:, some].any(axis=2).sum(axis=1)
-        known = known and (2 * loaded < some.sum()).all()
-    if not known:
-        raise InputError("the pressures of the samples cannot be told from their other forces")
-    return dead, pressure
 
 
 def given_load(

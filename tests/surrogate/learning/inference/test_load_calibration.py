@@ -13,7 +13,7 @@ from shared_schema.common.errors import InputError
 from surrogate.command_line import main
 from surrogate.learning.inference.calibration import drawn_loads
 from surrogate.learning.runs.shelf import SHELF
-from surrogate.mechanics.statics.load import separated
+from surrogate.mechanics.statics.load import Load
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +24,8 @@ def finger() -> surrogate.Surrogate:
 def test_loads_of_a_case_with_pressure(finger: surrogate.Surrogate) -> None:
     """One node has a force of up to 0.15 N a component, the notches have up to 1500 Pa."""
     forces = drawn_loads(finger, 30, np.random.default_rng(3))
-    dead, pressure = separated(finger.geometry, forces)
+    load = Load.of_samples(finger.geometry, forces)
+    dead, pressure = load.dead, load.pressure
     assert pressure is not None
     assert (np.count_nonzero(dead.any(axis=2), axis=1) == 1).all()
     assert 0.1 < np.abs(dead).max() <= 0.15

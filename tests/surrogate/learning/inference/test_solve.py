@@ -17,7 +17,7 @@ from surrogate.mechanics.certify.fast_certificate import Bounds
 from surrogate.mechanics.certify.full_certificate import Certificate
 from surrogate.mechanics.descent.first_direction import exceeds_motion
 from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
-from surrogate.mechanics.statics.load import separated
+from surrogate.mechanics.statics.load import Load
 
 FINGER_TIP = (-0.001694881208, 0.00120293664, -0.01937389141)  # in m, by datagen
 PUSHED = ["notches:1000", "0.0879998235442,0,0.00794686562931:0,0.02,0"]
@@ -313,13 +313,13 @@ def test_pressures_of_samples_are_told_from_their_forces(finger: surrogate.Surro
     dead = np.zeros((3, *body.coordinates.shape))
     dead[:2, body.surfaces[0][5, 0]] = 0.1, -0.02, 0.05
     total = ((dead + pressure.at_rest) * body.free).astype(np.float32).astype(np.float64)
-    found, pressures = separated(body, total)
+    found, pressures = (both := Load.of_samples(body, total)).dead, both.pressure
     assert pressures is not None
     assert pressures.pressures == pytest.approx(pressure.pressures, rel=1e-6)
     np.testing.assert_allclose(found, dead, atol=1e-8)
     assert np.array_equal(found.any(axis=2), dead.any(axis=2))
     with pytest.raises(InputError, match="cannot be told from their other forces"):
-        separated(body, total + 0.01 * body.free)
+        Load.of_samples(body, total + 0.01 * body.free)
 
 
 def test_pressure_of_a_network_needs_directions(finger: surrogate.Surrogate) -> None:

@@ -10,8 +10,7 @@ from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.inference.loading import load
 from surrogate.learning.models.kinds import run_config
 from surrogate.learning.networks.unet import UNet, UNetConfig
-from surrogate.learning.probabilistic.dropout import ChannelDropout
-from surrogate.learning.probabilistic.stochastic_passes import Drawable, using
+from surrogate.learning.probabilistic.stochastic_passes import ChannelDropout, Drawable, using
 from surrogate.learning.training.loop import train
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from shared_schema.common.errors import InputError
-from surrogate.learning.runs.metric_lines import append_line, read_lines
+from surrogate.learning.runs.seal import append_line, read_lines
 
 LINES = [{"epoch": n, "train_loss": 1e-5 / n, "seconds": 0.1 * n} for n in (1, 2, 3)]
 

@@ -28,7 +28,7 @@ from surrogate.learning.models.model import TrainedModel
 from surrogate.learning.models.unet_model import UNetModel
 from surrogate.learning.optim.optimisers import ScheduleConfig
 from surrogate.learning.runs.folder import RunFolder
-from surrogate.learning.runs.metric_lines import append_line
+from surrogate.learning.runs.seal import append_line
 from surrogate.learning.runs.split import split_training
 from surrogate.learning.training.loop import train
 from surrogate.learning.training.setup import split_for

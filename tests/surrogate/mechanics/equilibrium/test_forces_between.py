@@ -18,7 +18,7 @@ from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from surrogate.mechanics.equilibrium.stresses import cell_stresses, reactions
 from surrogate.mechanics.solids.deformation import completed, stress
-from surrogate.mechanics.statics.load import separated
+from surrogate.mechanics.statics.load import Load
 from tests.surrogate.mechanics.bodies import MATERIAL, box
 
 Array = np.ndarray
@@ -180,7 +180,8 @@ def test_pressures_of_samples(by_corners: bool) -> None:
     beside = np.flatnonzero(geometry.loadable & (geometry.coordinates[:, 1] == 0))[-1]
     load[beside] = 2.0
     given = load[: points.nodes] if by_corners else load
-    dead, found = separated(geometry, given[None])
+    both = Load.of_samples(geometry, given[None])
+    dead, found = both.dead, both.pressure
     assert found is not None
     np.testing.assert_allclose(found.pressures, PRESSURE, rtol=1e-12)
     assert np.flatnonzero(dead[0].any(axis=1)).tolist() == [beside]
