@@ -8,8 +8,8 @@ from random import Random
 import numpy as np
 import pytest
 
+from tools.fuzz.instability import mirror
 from tools.fuzz.meshes import BROKEN, plate, write_plate
-from tools.fuzz.numbers import mirror
 
 
 def test_a_plate_has_its_area() -> None:

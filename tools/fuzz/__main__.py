@@ -19,11 +19,16 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from tools.fuzz.attacks import FILES
+from tools.fuzz.instability import soft, unstable
 from tools.fuzz.material import make_material
-from tools.fuzz.numbers import MECHANICS
+from tools.fuzz.meshes import broken_mesh
 from tools.fuzz.worker import Worker
 
-ATTACKS = FILES | MECHANICS
+ATTACKS = FILES | {
+    "unstable loads": unstable,
+    "meshes that are none": broken_mesh,
+    "tolerances": soft,
+}
 
 
 def main() -> int:

@@ -101,12 +101,6 @@ COMMANDS: Mapping[str, Command] = MappingProxyType(
             ),
             ("predict", "surrogate", ("predict", "run", *LOAD, "--out", "u.npz"), ["run"]),
             (
-                "given loads",
-                "datagen",
-                ("run", "case.yaml", "--loads", "loads.h5", "--out", "out"),
-                ["case.yaml", "loads.h5"],
-            ),
-            (
                 "export",
                 "surrogate",
                 ("export", "run", "--format", "pt2", "--out", "a.pt2"),
@@ -131,7 +125,7 @@ class Material:
     Attributes
     ----------
     folder : Path
-        Holds ``nodal``, ``structured``, ``run``, ``loads.h5``, ``case.yaml``, ``config.yaml``.
+        Holds ``nodal``, ``structured``, ``run``, ``case.yaml``, ``config.yaml``.
     workers : dict
         Worker of each program.
     results : dict

@@ -6,6 +6,11 @@ from pathlib import Path
 from random import Random
 
 import numpy as np
+import yaml
+
+from tools.fuzz.attacks import Outcome
+from tools.fuzz.material import Material
+from tools.fuzz.steps import Steps
 
 BROKEN = {  # whether the mesh is fine
     "cell twice": False,
@@ -22,6 +27,25 @@ BROKEN = {  # whether the mesh is fine
     "cells in another order": True,
     "as it is": True,
 }
+
+
+def broken_mesh(random: Random, material: Material, folder: Path) -> Outcome:
+    """Give a mesh that is none, or one that is fine in another order."""
+    kind = random.choice(list(BROKEN))
+    steps = Steps(material, folder)
+    write_plate(folder / "plate.vtk", random, kind)
+    case = yaml.safe_load((material.folder / "case.yaml").read_text())
+    case["mesh"] = {"kind": "file", "path": "plate.vtk"}
+    case["load"] = {"family": "random_node", "region": {"x": "> 0"}, "range": [-1, 1]}
+    (folder / "case.yaml").write_text(yaml.safe_dump(case))
+    fine = BROKEN[kind]
+    steps.take("datagen", "run", "case.yaml", "--samples", "2", "--out", "nodal", codes=(0, 2))
+    finding = ""
+    if steps.answer["code"] != (0 if fine else 2):
+        finding = "a mesh is refused" if fine else "a mesh that is none is taken"
+    elif not fine and (folder / "nodal").exists():
+        finding = "wrong input left nodal"
+    return steps.ended("run", kind, finding)
 
 
 def write_plate(path: Path, random: Random, kind: str) -> None:

@@ -28,10 +28,6 @@ PRELOADED = {  # nothing that begins MPI or starts threads
         "surrogate.learning.evaluation.run_evaluation",
     ),
 }
-OWN = {
-    "datagen": (),
-    "surrogate": ("threads", "aliasing", "strangers"),
-}  # commands of the fuzz itself
 MEMORY = 16 * 2**30  # bytes of address space that a command may take
 POLL = 0.005
 
@@ -92,13 +88,12 @@ def serve(program: str) -> None:
     for name in PRELOADED[program]:
         importlib.import_module(name)
     main = importlib.import_module(f"{program}.command_line").main
-    own = {name: importlib.import_module(f"tools.fuzz.{name}").main for name in OWN[program]}
     for line in sys.stdin:
         request = json.loads(line)
         began = time.monotonic()
         child = os.fork()
         if child == 0:
-            _work(own.get(request["words"][0], main), request)
+            _work(main, request)
         code, ended = _wait(child, request["limit"], request["kill"])
         answer = {"code": code, "seconds": time.monotonic() - began, "ended": ended}
         print(json.dumps(answer), flush=True)
