@@ -58,8 +58,8 @@ MPIRUN := mpirun -n $(NP)
 
 .DEFAULT_GOAL := help
 .PHONY: help setup demo data train evaluate report page script shelve reproduce beyond organs benchmark gpu test \
-	test-long test-all test-datagen test-surrogate lint dist clean debian-packages node-packages browser-packages \
-	calculix-packages docs images compose-demo test-images test-debian
+	test-long test-all test-datagen test-surrogate lint dist clean packages debian-packages node-packages \
+	browser-packages calculix-packages docs images compose-demo test-images test-debian
 
 help: ## list the targets
 	@echo "Targets (variables: CASE=$(CASE) MODEL=$(MODEL) RECIPE=$(RECIPE) NP=$(NP) SAMPLES=all" \
@@ -177,7 +177,8 @@ debian-packages: PACKAGES = $(DEBIAN_PACKAGES)
 node-packages: PACKAGES = $(NODE_PACKAGES)
 browser-packages: PACKAGES = $(BROWSER_PACKAGES)
 calculix-packages: PACKAGES = $(CALCULIX_PACKAGES)
-debian-packages node-packages browser-packages calculix-packages:
+packages: PACKAGES = $(DEBIAN_PACKAGES) $(NODE_PACKAGES) $(BROWSER_PACKAGES) $(CALCULIX_PACKAGES)
+packages debian-packages node-packages browser-packages calculix-packages:
 	@missing=""; \
 	for package in $(PACKAGES); do \
 		command -v $$package >/dev/null \
