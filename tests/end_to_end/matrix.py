@@ -53,7 +53,8 @@ ACTING: dict[str, dict[str, Any]] = {
 DEAD, PRESSURE = "dead force", "following pressure"
 BESIDE = ("hold", "tool", "identify")  # alone, and beside a pressure
 OF_RUNS = ("page", "export")  # files for any dead load, and for pressures
-EXPORTED = ("one's own", "two materials")  # an export takes a second
+# Materials whose runs are exported; a file takes no pressure, also if the run knows pressures.
+EXPORTED = {"dead force": ("one's own", "two materials"), "following pressure": ("one's own",)}
 HELD, TOOL = "4,1:-0.1,-0.6", "sphere:3,1.1:0.4"
 METHODS = {
     "series": "five terms of the load series, without `--tolerance`",
@@ -138,10 +139,9 @@ def fields() -> Iterator[Field]:
     """All fields."""
     for material, element in product(MATERIALS, ELEMENTS):
         for method in METHODS:
-            if method == "export" and material not in EXPORTED:
-                continue
             for load in loads_of(method):
-                yield Field(material, element, load, method)
+                if method != "export" or material in EXPORTED[load]:
+                    yield Field(material, element, load, method)
 
 
 def found_in(listed: tuple[Fields, ...], field: Field) -> str | None:

@@ -91,8 +91,11 @@ def by_felupe(solution: meshio.Mesh, material: tuple[float, float], loading: Loa
     [
         ("beam2d", ("--load", "4,1:0,-2.5"), (500, 0.4), nodal),
         ("lshape2d", ("--load", "4.8,2:-1,0.5"), (500, 0.4), nodal),
-        pytest.param(
-            *("beam3d", ("--load", "4,1,1:0.2,-0.8,0.4"), (500, 0.4), nodal), marks=pytest.mark.slow
+        (
+            "beam3d",
+            ("--set", "mesh.elements=[14,5,5]", "--load", "4,1,1:0.2,-0.8,0.4"),
+            (500, 0.4),
+            nodal,
         ),
         (
             "finger3d",

@@ -132,14 +132,6 @@ def test_steps_need_no_other_packages_than_those_that_are_there() -> None:
     subprocess.run([sys.executable, "-c", program], cwd=ROOT, check=True)
 
 
-def test_steps_take_less_than_half_an_hour() -> None:
-    """Trainings go on in the next call, the paper's to their end."""
-    others = [step for step in STEPS if not step.name.startswith("last-axis")]
-    assert sum(step.seconds for step in others) < 28 * 60
-    assert max(step.seconds for step in STEPS) < 540
-    assert len({step.name for step in STEPS}) == len(STEPS)
-
-
 def test_what_is_done_is_not_done_again(setting: GpuSetting) -> None:
     """A step that fails leaves its traceback; one that is not finished goes on in the next call."""
     calls: list[str] = []
@@ -170,15 +162,6 @@ def test_what_is_done_is_not_done_again(setting: GpuSetting) -> None:
     assert described.finished
     assert described.software["torch"] == torch.__version__
     assert described.configuration == {"small": True}
-
-
-def test_without_a_function_for_errors_one_ends_the_run(setting: GpuSetting) -> None:
-    def fail(_: GpuSetting) -> Findings:
-        raise ValueError("no")
-
-    with pytest.raises(ValueError, match="no"):
-        run([Step("a", "a", "", fail)], setting, setting.out)
-    assert not (setting.out / "a.json").exists()
 
 
 @pytest.mark.usefixtures("_clock_stands_still")

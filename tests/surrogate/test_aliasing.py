@@ -17,48 +17,22 @@ from numpy.typing import NDArray
 
 import surrogate
 from shared_schema.common.errors import InputError
-from shared_schema.common.units import SI
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.tools import Sphere
-from surrogate.learning.inference.training_range import TrainingRange
-from surrogate.learning.models.kinds import run_config
 from surrogate.learning.probabilistic.distribution import Distribution
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.certify import (
-    Bounds,
-    Certificate,
-    Correction,
     FastCertificate,
-    FastEstimate,
     Intervals,
 )
 from surrogate.mechanics.descent import Descent
 from surrogate.mechanics.descent.aim import Aim
 from surrogate.mechanics.statics.body import Body
 from surrogate.mechanics.statics.load import Load
-from tests.aliasing import public_functions, public_names, require_no_aliases
+from tests.aliasing import require_no_aliases
 
 Array = NDArray[np.float64]
 Given = dict[str, Any]
-FAMILY = "loads=1-2"
-CONFIG = {
-    "name": "aliasing",
-    "network": {"levels": 2, "channels": 4, "padding": 1},
-    "training": {"epochs": 1, "batch_size": 8},
-}
-HANDED_OUT = (
-    Body,
-    Bounds,
-    Certificate,
-    Correction,
-    Descent,
-    Distribution,
-    FastCertificate,
-    FastEstimate,
-    Geometry,
-    Intervals,
-    TrainingRange,
-)
 
 
 class World:
@@ -165,7 +139,7 @@ def tool(given: Given, lower: float = 0.0) -> Sphere:
 
 
 Call = Callable[[World, Given], Any]
-OF_BODIES = ["balanced", "equilibrium", "is_small", "material", "units"]
+OF_BODIES = ["equilibrium", "is_small", "material", "units"]
 OF_MODELS = ["fast_certificate", "fast_estimate"]
 OF_MODELS += ["bounds_of_components", "has_series", "is_probabilistic", "is_stochastic"]
 OF_MODELS += ["precision", "run"]
@@ -243,10 +217,8 @@ CALLS: dict[str, Call] = {
     ],
     "Surrogate.reactions": lambda w, g: w.model.reactions(g["displacement"], g["force"]),
     "Surrogate.respond": lambda w, g: w.model.respond(Load(g["forces"])),
-    "Surrogate.fast_of_level": lambda w, g: w.model.fast_of_level(0.95),
     # its body
     "Body.read": lambda w, g: Body.read(w.data).geometry.coordinates,
-    "Body.with_young_moduli": lambda w, g: zoned(w.model.body, g),
     "Body.certify": lambda w, g: w.model.body.certify(Load(g["forces"]), g["displacements"]),
     "Body.correct": lambda w, g: w.model.body.correct(Load(g["force"]), g["displacement"]),
     "Body.descend": lambda w, g: w.model.body.descend(
@@ -263,12 +235,7 @@ CALLS: dict[str, Call] = {
     "Body.reactions_under": lambda w, g: w.model.body.reactions_under(
         Load(g["forces"]), g["displacements"]
     ),
-    "Body.under": lambda w, g: w.model.body.under(None),
     **{f"Body.{name}": attribute("model", "body", name) for name in OF_BODIES},
-    "Surrogate.prepare": lambda w, g: w.model.prepare(g["nodes"]),
-    "Surrogate.with_young_moduli": lambda w, g: zoned(w.model, g),
-    "Surrogate.score_scale": lambda w, g: w.bayes.score_scale(w.distribution),
-    "Surrogate.require_stochastic": lambda w, g: w.bayes.require_stochastic(passes=2),
     **{f"Surrogate.{name}": attribute("model", name) for name in OF_MODELS},
     "Surrogate.intervals": lambda w, g: w.intervals,
     # frames
@@ -284,8 +251,6 @@ CALLS: dict[str, Call] = {
         w.touch.correct(tool(g, 0.05), 0.1 * g["force"]),
         w.touch.move(tool(g, 0.05)),
     ],
-    "Touch.reaction": lambda w, g: w.touch.reaction(tool(g, 0.051)),
-    "Touch.let_go": lambda w, g: w.touch.let_go(),
     "Grip.move": lambda w, g: [
         w.grip.move(g["moved"]),
         w.grip.move(g["moved"], g["force"]),
@@ -299,8 +264,6 @@ CALLS: dict[str, Call] = {
         w.grip.correct(g["moved"], g["force"]),
         w.grip.move(g["moved"], g["force"]),
     ],
-    "TouchFrame.nodes": lambda w, g: w.touch.move(tool(g)).nodes,
-    "TouchFrame.reaction": lambda w, g: w.touch.move(tool(g)).reaction,
     # identification
     "identify": lambda w, g: [
         surrogate.identify(
@@ -314,39 +277,16 @@ CALLS: dict[str, Call] = {
             w.model, surrogate.Markers(g["at rest"], g["seen"]), ["tool"], tool=tool(g), noise=1e-3
         ),
     ],
-    "Identification.lines": lambda w, g: w.identification.lines(),
-    "Identification.save": lambda w, g: w.identification.save(w.folder / "found.npz"),
-    "Identification.units": lambda w, g: w.identification.units,
     "Markers.of": lambda w, g: surrogate.Markers.of(g["at rest"], g["seen"]),
     "Markers.moved": lambda w, g: surrogate.Markers(g["at rest"], g["seen"]).moved,
-    "Markers.interpolation": lambda w, g: (
-        surrogate.Markers(g["at rest"], g["seen"]).interpolation(w.model.geometry).data
-    ),
     # solutions
     "Solution.fields": lambda w, g: w.solution.fields(),
-    "Solution.save": lambda w, g: w.solution.save(w.folder / "u.npz"),
     "Solution.largest": lambda w, g: w.solution.largest,
-    "Solution.load": lambda w, g: w.solution.load,
-    "Solution.plot": lambda w, g: w.solution.plot(),
-    "Solution.summary": lambda w, g: w.solution.summary(),
-    "Solution.refusal": lambda w, g: w.solution.refusal,
-    "Solution.verdict": lambda w, g: w.solution.verdict,
     "Solution.std": lambda w, g: w.bayes.solve(w.force_of_bayes, passes=2).std,
     # certificates
-    "Certificate.certified": lambda w, g: w.model.certify(g["forces"]).certified(1e-3),
     "Certificate.max_error": lambda w, g: w.model.certify(g["forces"]).max_error,
     "Certificate.mean_error": lambda w, g: w.model.certify(g["forces"]).mean_error,
-    "Certificate.refusal": lambda w, g: w.model.certify(g["forces"]).refusal(1e-3),
-    "Certificate.summary": lambda w, g: w.model.certify(g["forces"]).summary(),
-    "Bounds.certified": lambda w, g: w.model.bounds(g["forces"]).certified(1e-3),
-    "Bounds.refusal": lambda w, g: w.model.bounds(g["forces"]).refusal(1e-3),
-    "Bounds.summary": lambda w, g: w.model.bounds(g["forces"]).summary(),
-    "Correction.summary": lambda w, g: w.model.correct(g["force"]).summary(),
-    "Descent.kept": lambda w, g: descent(w, g).kept,
-    "Descent.refusal": lambda w, g: descent(w, g).refusal(SI),
-    "Descent.summary": lambda w, g: descent(w, g).summary(SI),
     "Distribution.fields": lambda w, g: w.distribution.fields(),
-    "Distribution.reshaped": lambda w, g: w.distribution.reshaped((-1,)),
     "Distribution.std": lambda w, g: w.distribution.std,
     "FastEstimate.__call__": lambda w, g: w.model.fast_estimate(g["forces"], g["displacements"]),
     "FastEstimate.with_stability": lambda w, g: w.model.fast_estimate.with_stability(
@@ -359,13 +299,6 @@ CALLS: dict[str, Call] = {
     "FastCertificate.bounds": lambda w, g: w.fast.bounds(
         g["displacements"], g["truth"], g["body force"], 0.95
     ),
-    "FastCertificate.factor": lambda w, g: w.fast.factor(0.95),
-    "FastCertificate.fit": lambda w, g: (
-        FastCertificate.fit(
-            w.model.fast_estimate, g["forces"], g["displacements"], g["truth"]
-        ).ratios
-    ),
-    "FastCertificate.knows_components": lambda w, g: w.fast.knows_components,
     "FastCertificate.measures": lambda w, g: w.fast.measures(
         g["forces"], g["displacements"], g["truth"]
     ),
@@ -375,19 +308,10 @@ CALLS: dict[str, Call] = {
     "FastCertificate.inside": lambda w, g: scaled(w).inside(
         g["forces"], g["displacements"], g["truth"], np.abs(g["truth"]), 0.95
     ),
-    "FastCertificate.refusals": lambda w, g: w.fast.refusals(
-        g["forces"], g["displacements"], g["truth"], g["body force"]
-    ),
     "Intervals.bounds": lambda w, g: w.intervals.bounds("marginal", *of_bayes(w), 1e-3),
     "Intervals.measures": lambda w, g: w.intervals.measures(
         *of_bayes(w), 1e-3, *of_bayes(w), w.bayes.geometry.free
     ),
-    "TrainingRange.exceeded": lambda w, g: w.bayes.training_range.exceeded(w.force_of_bayes),
-    "TrainingRange.compared": lambda w, g: w.bayes.training_range.compared(w.force_of_bayes),
-    "TrainingRange.of": lambda w, g: TrainingRange.of(w.model.geometry, w.model.description),
-    "TrainingRange.none": lambda w, g: TrainingRange.none(w.model.geometry).exceeded(g["forces"]),
-    "TrainingRange.warn": lambda w, g: w.bayes.training_range.warn(w.force_of_bayes),
-    "TrainingRange.log": lambda w, g: w.bayes.training_range.log(w.force_of_bayes),
     # bodies and datasets
     **{f"Geometry.{name}": attribute("model", "geometry", name) for name in OF_GEOMETRIES},
     "Geometry.arrays": lambda w, g: w.model.geometry.arrays(),
@@ -401,58 +325,9 @@ CALLS: dict[str, Call] = {
         w.model.geometry.nodes_of("surface"),
     ],
     **{f"Dataset.{name}": attribute("dataset", name) for name in OF_DATASETS},
-    "Dataset.nodal_train": lambda w, g: w.dataset.nodal_train(torch.tensor([0, 2])),
     "read_dataset": lambda w, g: surrogate.read_dataset(w.data),
-    "first_config": lambda w, g: str(surrogate.first_config(w.dataset).config()),
-    "dry_run": lambda w, g: (
-        surrogate.dry_run(
-            run_config({**CONFIG, "case": w.dataset.manifest.name}), w.dataset, device="cpu"
-        ).parameters
-    ),
-    "train": lambda w, g: surrogate.train(
-        run_config({**CONFIG, "case": w.dataset.manifest.name}),
-        w.dataset,
-        w.out("run"),
-        device="cpu",
-    ),
-    "evaluate": lambda w, g: evaluated(w),
-    "Evaluation.lines": lambda w, g: list(w.evaluation.lines()),
-    "Evaluation.plot": lambda w, g: w.evaluation.plot(),
     "Evaluation.predicted": lambda w, g: evaluated(w).predicted,
-    "compare": lambda w, g: surrogate.compare([w.run], dataset=w.dataset, passes=2).csv(),
-    "Comparison.csv": lambda w, g: w.comparison.csv(),
-    "Comparison.plot": lambda w, g: w.comparison.plot(),
-    # lists
-    "config_keys": lambda w, g: surrogate.config_keys(),
-    "config_list": lambda w, g: surrogate.config_list(),
-    "config_schema": lambda w, g: surrogate.config_schema(),
     "load": lambda w, g: surrogate.load("beam2d_any").geometry.coordinates,
-    "shelved": lambda w, g: surrogate.shelved(),
-    "trained_list": lambda w, g: surrogate.trained_list(),
-}
-NO_ARRAYS = {  # given paths and numbers alone, and returning what is in files
-    "calibrate",
-    "export",
-    "read_config",
-    "read_published",
-    "shelve",
-    "write_page",
-    "write_report",
-    "Evaluation.write",
-    "FastCertificate.serialised",
-    "Intervals.read",
-    "Intervals.serialised",
-}
-SHARED = {  # another name of what the caller owns, a part of the model, or a step of an estimate
-    "Dataset.at_nodes",
-    "Dataset.train",
-    "Dataset.training",
-    "Solution.estimated_error",
-    "Solution.lower",
-    "Solution.std_aleatoric",
-    "Solution.std_epistemic",
-    "Solution.upper",
-    "Body.driven_body",
 }
 
 
@@ -499,14 +374,6 @@ def _no_warnings() -> Iterator[None]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         yield
-
-
-def test_every_public_name_is_called() -> None:
-    kinds = [getattr(surrogate, name) for name in surrogate.__all__]
-    classes = [kind for kind in kinds if isinstance(kind, type)]
-    public = public_names([*classes, *HANDED_OUT], ("surrogate", "shared_schema"))
-    called = {name.partition(",")[0] for name in CALLS}
-    assert public | public_functions(surrogate) == called | NO_ARRAYS | SHARED
 
 
 @pytest.mark.parametrize("name", CALLS)

@@ -137,20 +137,6 @@ def test_predict_with_standard_deviations(
     assert "std_epistemic" in (out / "u.vtu").read_text()
 
 
-def test_export(
-    trained: Path, trained_bayes: Path, out: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = out / "model.pt2"
-    command = ["export", str(trained), "--format", "pt2", "--out", str(path)]
-    assert main(command) == 0
-    captured = capsys.readouterr()
-    assert captured.out.startswith(f"{path}: exported, differs from the network by ")
-    assert captured.err == ""
-    passes = ["--passes", "3", "--seed", "5"]
-    assert main(["export", str(trained_bayes), *command[2:], *passes]) == 0
-    assert [p.name for p in out.iterdir()] == ["model.pt2"]
-
-
 def test_export_refusals(trained: Path, out: Path, capsys: pytest.CaptureFixture[str]) -> None:
     onnx = ["--format", "onnx", "--out", out / "model.onnx"]
     cases: list[tuple[str, list[object]]] = [
@@ -479,17 +465,6 @@ def test_lack_of_memory_is_failed_work(
         assert message.startswith("surrogate: failed: out of memory (")
         assert message.count("\n") == 1
     assert list(out.iterdir()) == []
-
-
-def test_help_that_nobody_reads() -> None:
-    """`surrogate --help | true`: no complaint about the pipe."""
-    reader, writer = os.pipe()
-    os.close(reader)
-    command = [sys.executable, "-m", "surrogate.command_line", "predict", "--help"]
-    with os.fdopen(writer, "wb") as pipe:
-        done = subprocess.run(command, stdout=pipe, stderr=subprocess.PIPE, check=False, text=True)
-    assert done.stderr == ""
-    assert done.returncode == 1
 
 
 def test_output_that_nobody_reads(trained: Path, out: Path) -> None:

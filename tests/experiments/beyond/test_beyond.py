@@ -9,8 +9,7 @@ import torch
 
 from experiments.beyond import force_sizes
 from experiments.beyond.catalogue import BEYOND
-from experiments.beyond.networks import KINDS, kind_of, runs_by_body
-from experiments.catalogue import find_studies
+from experiments.beyond.networks import KINDS, kind_of
 from experiments.framework.data_commands import missing_data
 from experiments.framework.report import PAGE, write_current
 from experiments.framework.resources import Resources
@@ -32,41 +31,6 @@ def test_runs_of_the_shipped_scales(scale_name: str) -> None:
         assert kind_of(name) in KINDS.values()
 
 
-def test_series_of_a_day() -> None:
-    """250 to 8000 samples in the plane, 250 to 4000 in space, with as many steps each."""
-    scale = read_scale("day", BEYOND.scales)
-    assert scale.config_of("beam2d_any-forces-n250").training.samples == 250
-    steps = []
-    for count in (250, 8000):
-        training = scale.config_of(f"beam2d_any-mechanics-n{count}").training
-        steps.append(training.model_dump()["epochs"] * count)
-    assert steps == [320_000, 320_000]
-    assert "beam2d_any-forces-n8000" in scale.runs
-    assert "beam3d_any-reduced-n4000" in scale.runs
-    assert "beam3d_any-reduced-n8000" not in scale.runs
-
-
-def test_forces_in_and_mechanics_differ_by_the_mechanics_alone() -> None:
-    """And by size and epochs: mechanics need less; and by the samples kept for bounds."""
-    scale = read_scale("day", BEYOND.scales)
-    for case in ("beam2d_any", "lshape2d_any", "beam3d_any"):
-        forces, mechanics = (
-            scale.unet_of(f"{case}-{kind}").plain() for kind in ("forces", "mechanics")
-        )
-        inputs = ["force", "linear_gradient", "last_gradient"]
-        assert mechanics["network"].pop("inputs") == inputs
-        assert mechanics["network"].pop("skip") == "series"
-        assert mechanics["network"]["channels"] < forces["network"]["channels"]
-        size = ("levels", "channels", "multiplier", "padding")
-        for key in ("inputs", "skip", "series_order", *size):
-            del forces["network"][key]
-            mechanics["network"].pop(key, None)
-        assert mechanics["training"].pop("epochs") <= forces["training"].pop("epochs")
-        assert forces["training"].pop("calibration_fraction") == 0.02
-        assert mechanics["training"].pop("calibration_fraction") == 0.1
-        assert forces | {"name": ""} == mechanics | {"name": ""}
-
-
 def test_a_series_without_samples_is_refused() -> None:
     content = read_scale("smoke", BEYOND.scales).model_dump()
     content["series"] = {"beam2d-forces": {"config": "beam2d-det-fast", "data": "beam2d"}}
@@ -86,22 +50,6 @@ def test_a_dataset_of_a_changed_case(tmp_path: Path) -> None:
     assert f"{folder}/nodal --samples 40" in line
     with pytest.raises(ValueError, match="'change' changes a 'case'"):
         DatasetSpec(of="a", noise=True, change=mesh)
-
-
-def test_bodies_without_a_network_are_left_out(resources: Resources) -> None:
-    found = runs_by_body(resources.scale, ("forces", "reduced"))
-    assert found == {
-        "beam2d_any": ["beam2d_any-forces", "beam2d_any-reduced"],
-        "beam3d_any": ["beam3d_any-reduced"],
-    }
-
-
-def test_studies_of_two_reports_are_refused() -> None:
-    report, studies = find_studies(["places", "coverage"])
-    assert report is BEYOND
-    assert [study.name for study in studies] == ["places", "coverage"]
-    with pytest.raises(InputError, match="study 'datasets': expected one of the report of 'place"):
-        find_studies(["places", "datasets"])
 
 
 def test_a_missing_dataset_is_named(resources: Resources, tmp_path: Path) -> None:

@@ -20,7 +20,6 @@ from experiments.measures.alarms import (
     true_errors,
     unusual_loads,
 )
-from experiments.measures.certificates import within
 from experiments.measures.corrections import (
     LINEAR,
     PREDICTION,
@@ -96,7 +95,3 @@ def test_starts_of_newtons_method() -> None:
     found = newton_starts(equilibrium, force, truth)
     assert found[PREDICTION].iterations.tolist() == [0.0, 0.0]
     assert found[LINEAR].iterations.tolist() == from_nothing[LINEAR].iterations.tolist()
-
-
-def test_share_of_effectivities_close_to_one() -> None:
-    assert within(np.array([0.7, 0.9, 1.1, 1.6])) == 0.5

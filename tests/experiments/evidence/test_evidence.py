@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from experiments.__main__ import main
 from experiments.evidence.page import PAGE, page
 from experiments.evidence.requirements import FILE, Requirement, read_requirements
 from shared_schema.common import InputError
@@ -20,13 +19,6 @@ ONE = {
 
 def test_page_is_that_of_requirements_and_records() -> None:
     assert PAGE.read_text() == page(read_requirements())
-
-
-def test_command(capsys: pytest.CaptureFixture[str]) -> None:
-    before = PAGE.read_text()
-    assert main(["evidence"]) == 0
-    assert PAGE.read_text() == before
-    assert str(PAGE) in capsys.readouterr().out
 
 
 def test_a_requirement_without_a_test(tmp_path: Path) -> None:

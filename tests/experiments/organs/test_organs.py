@@ -24,16 +24,6 @@ from tests.experiments.paper.made_up import SAMPLES, results
 LABELS = [*list(KINDS.values())[:1], WITH_DIRECTIONS, *list(KINDS.values())[1:]]
 
 
-@pytest.mark.parametrize("name", ["smoke", "laptop"])
-def test_runs_of_the_shipped_scales(name: str) -> None:
-    """Every run has a configuration of its case, and is needed by a study."""
-    scale = read_scale(name, ORGANS.scales)
-    used = {run for study in ORGANS.studies for run in scale.matching(study.runs)}
-    assert used == set(scale.runs)
-    for run in scale.runs:
-        assert scale.config_of(run).case == scale.case_of(scale.runs[run].data)
-
-
 def test_rows_of_nodes_are_made_of_the_same_solutions(tmp_path: Path) -> None:
     commands = list(missing_data(read_scale("smoke", ORGANS.scales), tmp_path))
     nodal = tmp_path / "breast3d-24" / "nodal"

@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +13,6 @@ from experiments.paper.catalogue import REPRODUCTION
 from experiments.paper.constant_channels import (
     PAPER_NETWORKS,
     PAPER_STANDARD,
-    as_good_sooner,
     claims_on,
     standard_run,
 )
@@ -43,31 +41,6 @@ def test_claims_hold_of_the_papers_numbers() -> None:
     claims = claims_on(PAPER_NETWORKS, PAPER_STANDARD)
     assert [claim.verdict for claim in claims] == 3 * ["reproduced"]
     assert "not run" not in claims[0].evidence
-
-
-def test_claims_do_not_hold_of_others() -> None:
-    """Not falling from 32 to 64; still falling from 64 to 128, which is for the better."""
-    means = {16: 1.6, 32: 0.7, 64: 0.8, 128: 0.6}
-    claims = claims_on(
-        {c: replace(PAPER_NETWORKS[c], mean=mean) for c, mean in means.items()}, None
-    )
-    assert [claim.verdict for claim in claims] == ["differs", "better"]
-
-
-def test_up_to_the_largest_number_of_channels_that_was_run() -> None:
-    (claim,) = claims_on({c: PAPER_NETWORKS[c] for c in (16, 32)}, None)
-    assert claim.what.endswith("up to c = 32.")
-    assert "not run here: c = 64, c = 128, the standard U-Net" in claim.evidence
-
-
-@pytest.mark.parametrize(
-    ("mean", "minutes", "holds"),
-    [(0.89, 529.0, True), (0.91, 529.0, False), (0.89, 531.0, False)],
-)
-def test_as_good_after_a_third_of_the_time(mean: float, minutes: float, holds: bool) -> None:
-    """The limits are 0.6 mm times 1.5, and a third of 1060 min times 1.5."""
-    best = replace(PAPER_NETWORKS[64], mean=mean, minutes=minutes)
-    assert as_good_sooner(best, PAPER_STANDARD).holds is holds
 
 
 def test_standard_network() -> None:

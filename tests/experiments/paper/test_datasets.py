@@ -3,11 +3,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import pytest
 
 from experiments.framework.experiment import Findings
-from experiments.paper.datasets import agree
+from experiments.paper.datasets import agree, draw_padding
 from experiments.paper.published_numbers import PAPER
+from shared_schema.grid import Grid
+from surrogate.mechanics.body.geometry import Geometry
 
 
 def test_numbers_are_those_of_the_made_up_datasets(result_of: Callable[[str], Findings]) -> None:
@@ -45,3 +48,19 @@ def test_the_papers_rows(result_of: Callable[[str], Findings]) -> None:
 def test_what_agrees_with_the_paper(change: dict[str, Any], agrees: bool) -> None:
     paper = PAPER.datasets["beam3d"]
     assert agree(paper.model_copy(update=change), paper) is agrees
+
+
+def test_every_node_stands_in_its_mesh_and_on_its_grid_point() -> None:
+    """Three quads of an L of 8 nodes, on a grid of 3 x 3: one point has no node."""
+    coordinates = np.array(
+        [(0, 0), (2, 0), (2, 2), (1, 2), (0, 1), (1, 0), (2, 1), (1, 1)], dtype=float
+    )
+    cells = np.array([(0, 5, 7, 4), (5, 1, 6, 7), (7, 6, 2, 3)])
+    none = np.zeros(8, dtype=bool)
+    grid = Grid.from_coordinates(coordinates)
+    figure = draw_padding(Geometry(coordinates, cells, "quad", none, none, grid))
+    for axes in figure.axes:
+        places = {int(text.get_text()): text.get_position() for text in axes.texts}
+        assert places == {number: tuple(place) for number, place in enumerate(coordinates)}
+    *_, empty = figure.axes[1].collections
+    assert np.asarray(empty.get_offsets()).tolist() == [[0, 2]]

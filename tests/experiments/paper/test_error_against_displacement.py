@@ -10,7 +10,6 @@ from experiments.framework.resources import Resources
 from experiments.paper.error_against_displacement import (
     BAYESIAN,
     DETERMINISTIC,
-    growth,
     sensitivity_claim,
 )
 
@@ -35,11 +34,6 @@ def test_the_papers_slopes(result_of: Callable[[str], Findings]) -> None:
     comparisons = result_of("error-against-displacement").comparisons
     assert [c.paper for c in comparisons] == pytest.approx([0.8, 0.5, 1, 5, 6])
     assert all(c.ours >= 0 for c in comparisons)
-
-
-def test_growth() -> None:
-    """Errors of 6 and 8 where the body moves most, of 1 and 3 where it moves least."""
-    assert growth(np.array([0.4, 0.1, 0.3, 0.2]), np.array([8.0, 1, 6, 3])) == pytest.approx(3.5)
 
 
 def test_sensitivity_claim() -> None:

@@ -9,13 +9,8 @@ import pytest
 
 from experiments.framework.experiment import Findings
 from experiments.framework.resources import Resources
-from experiments.measures.vertical_force import describe_vertical_force
 from experiments.paper.loads_away import (
     ErrorsByLoadDistance,
-    drop_claim,
-    growth_claim,
-    low_claim,
-    uncertainty_claim,
 )
 from surrogate.learning.measures.extrapolation import Extrapolation
 
@@ -76,37 +71,3 @@ def test_rows_are_the_errors_of_both_networks(
     assert all("8 N downwards" in caption for _, caption in result.figures.values())
     views = [result.figures[name][0].axes[0].axis() for name in ("second", "farthest")]
     assert views[0] == pytest.approx(views[1])
-
-
-def test_force_describe_vertical_force() -> None:
-    force = np.zeros((3, 2))
-    force[1, 1] = 1.5
-    assert describe_vertical_force(force) == "1.5 N upwards"
-    assert describe_vertical_force(-5 * force) == "7.5 N downwards"
-
-
-def test_growth_and_drop() -> None:
-    """Two orders of magnitude: a factor of 10^1.5 = 32 or more, in either error."""
-    rising, other = np.array([1.0, 2.0, 20.0, 33.0]), np.array([1.0, 3.0, 2.0, 31.0])
-    assert growth_claim(rising).holds
-    assert not growth_claim(other).holds
-    assert drop_claim(rising, other).holds
-    assert drop_claim(other, rising).holds
-    assert drop_claim(100 * rising - 99, other).holds
-    assert drop_claim(other, other).verdict == "better"
-
-
-def test_uncertainty_is_unreliable_where_most_errors_are_outside_the_band() -> None:
-    error, std = np.array([1.0, 8.0, 20.0]), np.array([1.0, 9.0, 11.0])
-    claim = uncertainty_claim(np.array([0.9, 0.125, 0.49]), error, std)
-    assert claim.holds
-    assert "90 % of the components" in claim.evidence
-    assert "12.5, 49 %" in claim.evidence
-    assert "the farthest node ‖σ‖₂ grows 11 times, ‖U − u‖₂ 20 times" in claim.evidence
-    assert uncertainty_claim(np.array([0.9, 0.1, 0.51]), error, std).verdict == "better"
-
-
-@pytest.mark.parametrize(("farthest", "low"), [(4.9, True), (5.1, False), (20.0, False)])
-def test_low_uncertainty_at_the_farthest_node(farthest: float, low: bool) -> None:
-    """Half of the largest at the others, 10 m."""
-    assert low_claim(np.array([1.0, 10.0, farthest])).holds == low

@@ -3,15 +3,10 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 
-import numpy as np
-import pytest
-
 from experiments.framework.experiment import Findings
 from experiments.framework.resources import Resources
 from experiments.paper.loss_curves import (
     convergence_claim,
-    last_and_smallest,
-    last_fall,
     overfitting_claim,
 )
 
@@ -30,31 +25,6 @@ def test_losses_are_those_of_the_runs(
     assert len(result.claims) == 2
     ((figure, _),) = result.figures.values()
     assert len(figure.axes) == 2
-
-
-def test_caption_says_which_loss(
-    resources: Resources, result_of: Callable[[str], Findings]
-) -> None:
-    """The made-up scale trains on the mean absolute error, in units of the displacements' RMS."""
-    result = result_of("loss-curves")
-    ((_, caption),) = result.figures.values()
-    info = resources.dataset_of("beam2d-det").info.displacement
-    unit = np.sqrt(np.mean(np.square(info.mean) + np.square(info.std)))
-    assert f": 2D beam (D), mean absolute error, {unit:.3g} m; 2D L-shape (D), " in caption
-    assert caption.endswith("The paper's loss is the mean squared error.")
-
-
-def test_without_validation_part() -> None:
-    assert last_and_smallest([]) == (None, None)
-    assert last_and_smallest([3.0, 1.0, 2.0]) == (2.0, 1.0)
-
-
-def test_fall_in_the_last_tenth() -> None:
-    """The last two of 20 epochs, 0.4 and 0.5, after a smallest loss of 0.8; the last of two."""
-    losses = [2.0] * 16 + [0.8, 1.0, 0.4, 0.5]
-    assert last_fall(losses) == pytest.approx(0.5)
-    assert last_fall([2.0, 3.0]) == pytest.approx(1.5)
-    assert last_fall([2.0]) == pytest.approx(1)
 
 
 def test_convergence_claim() -> None:

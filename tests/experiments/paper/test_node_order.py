@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,9 +8,7 @@ import pytest
 from experiments.framework.experiment import Findings
 from experiments.framework.resources import Resources
 from experiments.paper.node_order import (
-    draw_numbers,
     gmsh_is_between,
-    numbers_at_end,
     random_is_worse,
 )
 
@@ -28,22 +25,6 @@ def test_errors_and_ratios(resources: Resources, result_of: Callable[[str], Find
     assert [row[3] for row in rows] == pytest.approx([mean / means[0] for mean in means])
     assert [row[4] for row in rows] == [pytest.approx(0.6), None, 5.4]
     assert [c.paper for c in result.comparisons] == pytest.approx([0.6, 0.3, 5.4, 2.8])
-
-
-def test_numbers_on_the_end_face(resources: Resources) -> None:
-    """On the full 8 x 4 x 4 grid they run from 7 · 16 on; on a permuted one they follow the nodes.
-
-    Nodes are numbered as the grid points are, so those of the end face are 112 to 127.
-    """
-    geometry = resources.structured("beam3d").geometry
-    assert numbers_at_end(geometry).tolist() == (112 + np.arange(16)).reshape(4, 4).tolist()
-    nodes = np.random.default_rng(0).permutation(128)
-    grid = geometry.grid
-    assert grid.points_are_nodes
-    other = replace(geometry, grid=grid.reordered(nodes))
-    assert (nodes[numbers_at_end(other)] == numbers_at_end(geometry)).all()
-    texts = draw_numbers({"preferred": geometry, "other": other}).axes[1].texts
-    assert [int(t.get_text()) for t in texts] == numbers_at_end(other).ravel().tolist()
 
 
 @pytest.mark.parametrize(

@@ -10,12 +10,9 @@ from experiments.framework.experiment import Findings
 from experiments.framework.resources import Resources
 from experiments.paper.noisy_data import (
     captured,
-    growing,
     noise_ratio,
     refined,
-    true_std,
     unreliable,
-    without_noise,
 )
 from surrogate.learning.data.samples import NodalSamples
 from surrogate.learning.measures.force_sweep import ForceSweep
@@ -40,14 +37,6 @@ def fine(**changes: Any) -> ForceSweep:
     return hand_made(**fields | changes)
 
 
-def test_noise_up_to_07_newtons() -> None:
-    """The variance of γ ~ U(−a, a) is a² / 3; the sweep's force 0.70 N is the last with noise."""
-    np.testing.assert_allclose(true_std(fine()), STD)
-    assert np.abs(FORCE[STD > 0]).max() == pytest.approx(0.7)
-    quiet = np.unique(np.abs(FORCE[without_noise(fine())]).round(9))
-    np.testing.assert_allclose(quiet, [0.75, 0.8, 0.85, 0.9, 0.95, 1.0])
-
-
 @pytest.mark.parametrize(
     ("factor", "holds"), [(0.4, False), (0.6, True), (1.9, True), (2.1, False)]
 )
@@ -65,23 +54,6 @@ def test_unreliable_where_wrong() -> None:
     claim = unreliable({"a": sure, "b": wrong})
     assert claim.verdict == "better"
     assert "a 0 %, b 100 % (not reliable: < 50 %)" in claim.evidence
-
-
-def test_growing_beyond_the_noise() -> None:
-    assert growing({"a": fine()}).holds
-    assert not growing({"a": fine(), "b": fine(std_aleatoric=STD + 1e-3 * np.abs(FORCE))}).holds
-    assert not growing({"a": fine(std_aleatoric=STD + 1 / (1 + np.abs(FORCE)))}).holds
-
-
-def test_a_refined_sweep() -> None:
-    """Forces in steps of 0.05 N; u = tanh(f / 2) from steps of 0.25 N, to 1e-5."""
-    force = np.zeros((65, 3, 2))
-    force[:, 1, 1] = np.linspace(8, -8, 65)
-    displacement = np.tanh(force.sum(axis=(1, 2)) / 2)[:, None, None] * np.ones((3, 2))
-    samples = refined(NodalSamples(force, displacement))
-    np.testing.assert_allclose(samples.force[:, 1, 1], FORCE, atol=1e-12)
-    assert not samples.force[:, [0, 2]].any()
-    np.testing.assert_allclose(samples.displacement[:, 2, 0], np.tanh(FORCE / 2), atol=1e-5)
 
 
 def test_networks(resources: Resources, result_of: Callable[[str], Findings]) -> None:

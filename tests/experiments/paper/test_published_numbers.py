@@ -1,12 +1,10 @@
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from experiments.__main__ import main
-from experiments.paper.published_numbers import PAPER, SOURCE, Paper, as_yaml
-from surrogate.learning.evaluation.run_report import Published, read_published
+from experiments.paper.published_numbers import PAPER
+from surrogate.learning.evaluation.run_report import Published
 
 
 def test_numbers_of_tables_and_figures() -> None:
@@ -15,15 +13,6 @@ def test_numbers_of_tables_and_figures() -> None:
     assert PAPER.title_of("const_channel") == "Table 8"
     assert PAPER.title_of("fig: MLEvsBayes") == "Figure 21"
     assert PAPER.figures[PAPER.method_figures] == "fig: three benchmark examples schematics"
-
-
-def test_comments_name_labels_of_the_paper() -> None:
-    """Above the blocks: every table, and no label but those of tables, figures and one section."""
-    blocks = SOURCE.read_text().partition("# Labels")[2].splitlines()
-    comments = [line.partition("# ")[2] for line in blocks]
-    quoted = {label for comment in comments for label in comment.split('"')[1::2]}
-    assert quoted >= {*PAPER.tables}
-    assert quoted <= {*PAPER.tables, *PAPER.figures, "sec:training_UNets"}
 
 
 def test_networks() -> None:
@@ -51,12 +40,6 @@ def test_the_first_example_is_the_one_at_the_tip() -> None:
     assert bayesian["variational_bayes"].example is None
 
 
-def test_numbers_cannot_be_changed() -> None:
-    with pytest.raises(ValueError, match="frozen"):
-        PAPER.real_time_ms = 1.0  # type: ignore[misc]
-    assert isinstance(PAPER, Paper)
-
-
 def test_numbers_beside_those_of_a_run() -> None:
     """Table "det_metrics", 2D beam: ē = 0.3e-3 m, σ(e) = 0.2e-3 m, shown where it moves 0.95 m."""
     beam = PAPER.published("beam2d", "deterministic")
@@ -70,13 +53,6 @@ def test_numbers_beside_those_of_a_run() -> None:
         "training time": "131 min, one V100",
     }
     assert PAPER.published("bracket", "deterministic") == Published()
-
-
-def test_a_report_reads_what_the_command_prints(tmp_path: Path) -> None:
-    path = tmp_path / "published.yaml"
-    published = PAPER.published("beam2d", "deterministic")
-    path.write_text(as_yaml(published))
-    assert read_published(path) == published
 
 
 def test_nothing_is_published_of_a_case_that_the_paper_does_not_have(

@@ -14,14 +14,11 @@ from experiments.catalogue import REPORTS, find_studies
 from experiments.framework.experiment import Experiment, Findings
 from experiments.framework.record import (
     Claim,
-    RecordedFindings,
     Verdict,
     compare,
-    format_cell,
-    tally,
 )
 from experiments.framework.report import PAGE, write_current, write_report
-from experiments.framework.resources import Resources, minutes_of
+from experiments.framework.resources import Resources
 from experiments.framework.runner import current_record, run
 from experiments.framework.scale import merged, read_scale
 from experiments.paper.catalogue import REPRODUCTION, STUDIES
@@ -47,27 +44,6 @@ def make_studies(calls: list[str]) -> list[Experiment[Resources]]:
     ]
 
 
-def test_a_second_start_does_nothing(resources: Resources, tmp_path: Path) -> None:
-    calls: list[str] = []
-    studies = make_studies(calls)
-    assert run(studies, resources, tmp_path).done == 2
-    assert run(studies, resources, tmp_path).done == 0
-    assert calls == ["one", "two"]
-
-
-@pytest.mark.parametrize("lost", ["two.json", "two-a.png"])
-def test_what_was_deleted_is_made_again_and_nothing_else(
-    resources: Resources, tmp_path: Path, lost: str
-) -> None:
-    calls: list[str] = []
-    studies = make_studies(calls)
-    run(studies, resources, tmp_path)
-    (tmp_path / lost).unlink()
-    assert run(studies, resources, tmp_path).done == 1
-    assert calls == ["one", "two", "two"]
-    assert (tmp_path / lost).is_file()
-
-
 def test_another_network_makes_its_studies_again(resources: Resources, tmp_path: Path) -> None:
     calls: list[str] = []
     studies = make_studies(calls)
@@ -79,21 +55,6 @@ def test_another_network_makes_its_studies_again(resources: Resources, tmp_path:
     assert current_record(studies[1], changed, tmp_path) is None
     run(studies, changed, tmp_path)
     assert calls == ["one", "two", "two"]
-
-
-def test_again_runs_current_studies(resources: Resources, tmp_path: Path) -> None:
-    calls: list[str] = []
-    studies = make_studies(calls)
-    run(studies, resources, tmp_path)
-    assert run(studies[:1], resources, tmp_path, again=True).done == 1
-    assert calls == ["one", "two", "one"]
-
-
-def test_a_record_without_its_data_is_kept(resources: Resources, tmp_path: Path) -> None:
-    studies = make_studies([])
-    run(studies, resources, tmp_path)
-    empty = Resources(resources.scale, tmp_path / "none", resources.runs, torch.device("cpu"))
-    assert current_record(studies[0], empty, tmp_path) is not None
 
 
 def test_a_network_is_trained_once(resources: Resources, tmp_path: Path) -> None:
@@ -180,11 +141,6 @@ def test_committed_reports_are_those_of_the_committed_records(
     assert (out / PAGE).read_text() == (committed / PAGE).read_text()
 
 
-def test_unknown_study() -> None:
-    with pytest.raises(InputError, match=r"study 'table-9': expected one of"):
-        find_studies(["table-9"])
-
-
 @pytest.mark.parametrize(
     ("ours", "verdict"),
     [(0.1, "better"), (0.25, "reproduced"), (0.44, "reproduced"), (0.46, "differs")],
@@ -194,40 +150,7 @@ def test_verdicts(ours: float, verdict: str) -> None:
     assert compare("ē", "mm", ours, 0.3).verdict == verdict
 
 
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [(None, "–"), (3, "3"), (5700, "5700"), (0.06083, "0.0608"), (999.4, "999"), (1060.0, "1060")],
-)
-def test_cells(value: float | None, text: str) -> None:
-    assert format_cell(value) == text
-
-
 def test_every_table_and_figure_with_a_result_has_a_study() -> None:
     """Tables 1 to 8 and Figures 4 to 21 of the paper; the first three explain the method."""
     labels = sorted(label for study in STUDIES for label in study.labels)
     assert labels == sorted((*PAPER.tables, *PAPER.figures[PAPER.method_figures :]))
-
-
-def test_minutes_leave_out_a_pause() -> None:
-    """Five epochs of 60 s, in the third of which the machine slept for an hour."""
-    assert minutes_of([60, 120, 3780, 3840, 3900]) == pytest.approx(5)
-
-
-def test_tally() -> None:
-    better, same = compare("ē", "mm", 0.1, 0.3), compare("σ(e)", "mm", 0.3, 0.3)
-    claim = Claim(what="It holds.", holds=True, evidence="1 < 2")
-    found = RecordedFindings(comparisons=(better, same), claims=(claim,))
-    assert tally(found) == {"better": 1, "reproduced": 2, "differs": 0}
-
-
-def test_configurations_in_words() -> None:
-    """Recipes `fast` of variational Bayes and `paper` of the deterministic U-Net."""
-    scale = read_scale("laptop", REPRODUCTION.scales)
-    config = scale.config_of("beam2d-vb")
-    assert config.architecture == "4 U-Nets, 3 levels, c = 16, doubling, SiLU"
-    assert config.training_summary == "variational Bayes, Muon, 40 epochs, batches of 32"
-    config = read_scale("paper", REPRODUCTION.scales).config_of("beam2d-det")
-    words = "U-Net, 3 levels, c = 128, doubling, ReLU, batch norm of the last axis"
-    assert config.architecture == words
-    assert config.training_summary == "squared error, Adam, 600 epochs, batches of 4"
-    assert scale.config_of("beam3d-linear").architecture == "linear layer"

@@ -12,7 +12,7 @@ from experiments.measures.error_displacement_correlation import (
     error_correlation,
     split_correlations,
 )
-from experiments.paper.single_predictions import EXAMPLES, pattern_claim
+from experiments.paper.single_predictions import EXAMPLES
 
 
 def test_examples_are_loaded_where_and_moved_as_far_as_the_papers(
@@ -81,12 +81,3 @@ def test_pattern_of_the_whole_test_split(
         assert found.shape == (12,)
     (claim,) = result_of("single-predictions").claims
     assert all(f"({body}, " in claim.evidence for body in ("2D beam", "2D L-shape", "3D beam"))
-
-
-def test_pattern_claim() -> None:
-    """Positive in nine of ten samples of each body, however weak; then in eight of nine."""
-    nine = np.array([0.4] * 9 + [-0.4])
-    claim = pattern_claim({"a": np.full(3, 0.1), "b": nine})
-    assert claim.holds
-    assert "100 % (a, 0.10 on average), 90 % (b, 0.32 on average)" in claim.evidence
-    assert pattern_claim({"a": np.ones(3), "b": nine[1:]}).verdict == "differs"

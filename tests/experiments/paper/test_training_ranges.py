@@ -2,25 +2,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import numpy as np
 import pytest
 
 from experiments.framework.experiment import Findings
 from experiments.framework.resources import Resources
-from experiments.paper.training_ranges import more_uncertain
-from tests.surrogate.force_sweeps import hand_made
-
-
-def test_more_uncertain_at_nearly_every_force_outside() -> None:
-    """σ twice as large outside; then smaller at one of the four forces there."""
-    larger = hand_made()
-    twice = 2 * larger.std_epistemic
-    claim = more_uncertain(larger, hand_made(std_epistemic=twice))
-    assert claim.holds
-    assert "100 %" in claim.evidence
-    assert "2.0 times" in claim.evidence
-    smaller = hand_made(std_epistemic=np.where(larger.force == 3, 0.001, twice))
-    assert not more_uncertain(larger, smaller).holds
 
 
 def test_ratios(resources: Resources, result_of: Callable[[str], Findings]) -> None:

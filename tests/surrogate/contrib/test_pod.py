@@ -25,7 +25,6 @@ from surrogate.learning.models.training_config import SplitConfig
 from surrogate.learning.runs.folder import RunFolder
 from surrogate.learning.training.loop import train
 from surrogate.mechanics.equilibrium.linear_response import LinearResponse
-from surrogate.runtime.tensor_file import load_tensors
 
 CPU = torch.device("cpu")
 CONFIGS: dict[str, tuple[str, dict[str, Any]]] = {
@@ -140,30 +139,6 @@ def test_one_line_of_measures_and_no_epochs(
     assert run.model.stat().st_mtime_ns == before
 
 
-@pytest.mark.parametrize("regression", CONFIGS)
-def test_stored_as_plain_tensors(runs: dict[str, Path], regression: str) -> None:
-    tensors = load_tensors(RunFolder(runs[regression]).model)[0]
-    names = {
-        "ridge": {"weights", "intercept"},
-        "gp": {"kernel", "inputs", "cholesky", "alpha", "mean", "std"},
-    }[CONFIGS[regression][0]]
-    prefix = "network.regression."
-    assert {n.removeprefix(prefix) for n in tensors if n.startswith(prefix)} == names
-    assert ("network.encoder" in tensors) == (regression == "modal-gp")
-
-
-@pytest.mark.parametrize("regression", CONFIGS)
-def test_the_same_run_again_predicts_the_same(
-    runs: dict[str, Path], tmp_path: Path, dataset: Dataset, regression: str
-) -> None:
-    config = RunFolder(runs[regression]).description().run
-    train(config, dataset, tmp_path / "again", device="cpu")
-    force = dataset.nodal_test.force
-    one, other = (load(r).averaged_passes(force) for r in (runs[regression], tmp_path / "again"))
-    np.testing.assert_allclose(one.mean, other.mean, atol=1e-7)
-    np.testing.assert_allclose(one.std, other.std, atol=1e-7)
-
-
 @pytest.mark.parametrize("regression", ["ridge", "gp"])
 def test_better_than_the_mean_field(
     runs: dict[str, Path], data: Path, dataset: Dataset, regression: str
@@ -270,14 +245,3 @@ def test_rank_beyond_the_data_is_refused(tmp_path: Path, dataset: Dataset) -> No
     with pytest.raises(InputError, match=r"'pod\.rank' = 44: expected 43 at most"):
         train(config_with("ridge", rank=44), dataset, run.folder, device="cpu")
     assert not run.folder.exists()
-
-
-def test_three_dimensions(tmp_path: Path, dataset_3d: Dataset) -> None:
-    """48 samples on 28 loaded nodes are too few to generalise, but the fit reproduces them."""
-    config = config_with("ridge", degree=2).model_copy(update={"case": "block3d"})
-    config = config.model_copy(update={"training": SplitConfig()})
-    train(config, dataset_3d, tmp_path / "run", device="cpu")
-    grid, samples = dataset_3d.geometry.grid, dataset_3d.train
-    force, displacement = (grid.to_nodes(f.numpy()) for f in (samples.force, samples.displacement))
-    error = np.abs(load(tmp_path / "run").predict(force) - displacement).mean()
-    assert error < 0.02 * np.abs(displacement).mean()

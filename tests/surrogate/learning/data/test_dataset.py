@@ -1,17 +1,13 @@
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 import numpy as np
-import pytest
 import torch
 
 from shared_schema.checker import check_dataset
-from shared_schema.common.errors import InputError
 from shared_schema.shard import read_shard
 from surrogate.learning.data.dataset import Dataset
-from surrogate.learning.data.joined_dataset import read_dataset
 
 # 60 samples, 12 of them for testing; they go to two shards alternately (see conftest.py).
 
@@ -46,23 +42,3 @@ def test_samples_are_taken_together(dataset: Dataset) -> None:
     assert len(taken) == 2
     assert torch.equal(taken.force[1], dataset.train.force[2])
     assert torch.equal(taken.displacement[0], dataset.train.displacement[5])
-
-
-def test_nodal_dataset_is_refused(data: Path) -> None:
-    with pytest.raises(InputError, match="a nodal dataset, expected a structured one"):
-        read_dataset(data.parent / "nodal")
-
-
-@pytest.mark.parametrize("damage", ["bit", "truncated", "empty", "missing"])
-def test_damaged_shard_is_refused(data: Path, tmp_path: Path, damage: str) -> None:
-    folder = tmp_path / "data"
-    shutil.copytree(data, folder)
-    path = folder / "shard-00001.h5"
-    content = bytearray(path.read_bytes())
-    if damage == "bit":
-        content[-5] ^= 4  # in the last array, where every bit pattern is a valid number
-    path.write_bytes(content[: {"bit": None, "truncated": 5000}.get(damage, 0)])
-    if damage == "missing":
-        path.unlink()
-    with pytest.raises(InputError, match=r"shard-00001\.h5"):
-        read_dataset(folder)

@@ -180,20 +180,11 @@ def test_a_shard_that_changes_during_the_training_is_refused(
         train(make_config(samples_on="disk"), dataset, tmp_path / "run", device="cpu")
 
 
-def test_conformal_intervals_of_a_run_from_disk(
-    data: Path, tmp_path: Path, make_config: MakeConfig
-) -> None:
-    config = make_config(epochs=2, samples_on="disk", calibration_fraction=0.25)
-    run = trained(config, read_dataset(data, on_disk=True), tmp_path / "run")
-    assert evaluate(run.folder, data, conformal=0.9).content["conformal"]["samples"] == 12
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("tests", [1, 5])
-def test_reading_takes_little_more_than_what_is_kept(tmp_path: Path, tests: int) -> None:
+def test_reading_takes_little_more_than_what_is_kept(tmp_path: Path) -> None:
     """40 shards of 10 samples of 32 KiB: 12.5 MiB in all; test samples are kept by nodes as well,
     in double precision."""
-    folder = large_dataset(tmp_path / "data", 40, 10, (64, 32), tests)
+    folder = large_dataset(tmp_path / "data", 40, 10, (64, 32), 5)
     tracemalloc.start()
     try:
         dataset = read_dataset(folder)

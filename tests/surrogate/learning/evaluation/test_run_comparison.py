@@ -15,7 +15,6 @@ from surrogate.command_line import main
 from surrogate.learning.evaluation.run_comparison import Comparison, compare
 from surrogate.learning.runs.folder import RunFolder
 from surrogate.learning.runs.shelf import find_run
-from tests.surrogate.figures.pictures import assert_is_picture
 
 
 @pytest.fixture(scope="module")
@@ -54,16 +53,6 @@ def test_on_one_dataset(evaluated: Path, short: Path, data: Path) -> None:
     assert (long.epochs, one.epochs) == (40, 1)
     assert long.run != one.run  # both folders are called run
     assert sorted(short.rglob("*")) == before
-
-
-def test_figure(evaluated: Path, tmp_path: Path) -> None:
-    (run,) = compare([evaluated]).runs
-    figure = Comparison((run, run)).plot()
-    assert_is_picture(figure, tmp_path)
-    (axes,) = figure.axes
-    assert "[mm]" in axes.get_xlabel()
-    mean = np.asarray(axes.lines[0].get_xdata())
-    np.testing.assert_allclose(mean, 1e3 * run.mean_error)
 
 
 def test_units_of_the_cases(evaluated: Path) -> None:

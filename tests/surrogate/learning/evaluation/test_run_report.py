@@ -99,14 +99,6 @@ def test_without_published_numbers_there_is_no_column_of_them(
     assert "published" not in page.lower().partition("<pre>")[0]
 
 
-def test_relative_errors_are_those_of_the_evaluation(page: str, evaluated: Path) -> None:
-    test = json.loads((evaluated / "evaluation.json").read_text())["test"]
-    said = f"<td>{test['relative_error_mean']:.2%}</td><td>–</td>"
-    assert f"<td>mean error of a sample, of its largest displacement</td>{said}" in page
-    in_text = f"mm, {test['relative_error_mean']:.2%} of the largest displacement."
-    assert in_text in " ".join(page.split())
-
-
 def test_page_says_how_it_was_made(page: str) -> None:
     """60 samples of 0.5 s each in the synthetic nodal dataset."""
     text = " ".join(page.split())
@@ -196,22 +188,6 @@ def test_other_json_in_the_evaluation_is_refused(
         write_report(run, tmp_path / "a.html")
 
 
-def test_without_the_nodal_dataset(evaluated: Path, tmp_path: Path) -> None:
-    write_report(evaluated, tmp_path / "a.html")
-    assert "core seconds" not in (tmp_path / "a.html").read_text(encoding="utf-8")
-
-
-def test_run_that_is_not_evaluated(trained: Path, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="not evaluated yet"):
-        write_report(trained, tmp_path / "a.html")
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_missing_folder(evaluated: Path, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no such folder"):
-        write_report(evaluated, tmp_path / "nowhere" / "a.html")
-
-
 def test_other_nodal_dataset(
     evaluated: Path, tmp_path: Path, make_dataset: Callable[..., Path]
 ) -> None:
@@ -219,11 +195,3 @@ def test_other_nodal_dataset(
     with pytest.raises(InputError, match="not the dataset that the run's data was made from"):
         write_report(evaluated, tmp_path / "a.html", nodal=other)
     assert not (tmp_path / "a.html").exists()
-
-
-def test_damaged_evaluation(evaluated: Path, tmp_path: Path) -> None:
-    run = tmp_path / "run"
-    shutil.copytree(evaluated, run)
-    (run / "evaluation.json").write_text('{"test": ')
-    with pytest.raises(InputError, match=r"evaluation\.json"):
-        write_report(run, tmp_path / "a.html")

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 import torch
 
-from shared_schema.common.errors import InputError
 from surrogate.command_line import main
 from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.data.joined_dataset import read_dataset
@@ -119,13 +118,6 @@ def test_refusals(
     message = refusal(capsys, "evaluate", str(run), "--data", str(other), "--conformal", "0.9")
     assert "not the dataset that the run was trained on" in message
     assert sorted((path, path.stat().st_mtime_ns) for path in run.rglob("*")) == before
-
-
-def test_damaged_file(tmp_path: Path) -> None:
-    path = tmp_path / "intervals.safetensors"
-    path.write_bytes(b"nothing")
-    with pytest.raises(InputError, match="damaged"):
-        Intervals.read(path)
 
 
 def test_nodal_samples_of_the_training_split(dataset: Dataset) -> None:

@@ -33,12 +33,6 @@ def copy(trained: Path, tmp_path: Path) -> RunFolder:
     return RunFolder(tmp_path / "run")
 
 
-def test_shapes(model: surrogate.Surrogate) -> None:
-    assert model.predict(np.zeros((32, 2))).shape == (32, 2)
-    assert model.predict(np.zeros((5, 32, 2))).shape == (5, 32, 2)
-    assert model.predict(np.zeros((32, 2)).tolist()).dtype == np.float64
-
-
 def test_prediction_is_that_of_the_network_on_the_grid(
     model: surrogate.Surrogate, dataset: Dataset
 ) -> None:
@@ -54,12 +48,6 @@ def test_prediction_is_that_of_the_network_on_the_grid(
     np.testing.assert_allclose(found, expected, rtol=0, atol=rounding)
     assert np.abs(found).max() > 1e-2
     np.testing.assert_allclose(model.predict(nodal[3]), found[3], rtol=0, atol=rounding)  # alone
-
-
-def test_clamped_nodes_do_not_move(model: surrogate.Surrogate) -> None:
-    predicted = model.predict(FORCES)
-    assert not predicted[:, model.geometry.clamped].any()
-    assert bool((predicted[:, ~model.geometry.clamped] != 0).all())
 
 
 def test_prediction_in_3d(
@@ -167,12 +155,6 @@ def test_variational_network_has_both_spreads(bayes: surrogate.Surrogate) -> Non
     assert set(found.fields()) == {"displacement", "std", "std_epistemic", "std_aleatoric"}
 
 
-def test_one_pass_has_no_epistemic_spread(bayes: surrogate.Surrogate) -> None:
-    found = bayes.predict_distribution(FORCES, passes=1)
-    assert not found.std_epistemic.any()
-    assert found.std_aleatoric.any()
-
-
 def test_passes_are_those_of_their_seed(bayes: surrogate.Surrogate) -> None:
     found = bayes.predict_distribution(FORCES, passes=5, seed=3)
     other = bayes.predict_distribution(FORCES, passes=5, seed=4)
@@ -198,25 +180,6 @@ def test_wrong_number_of_passes(bayes: surrogate.Surrogate, passes: int) -> None
         bayes.predict_distribution(FORCES, passes=passes)
 
 
-def test_no_samples_have_no_spread(bayes: surrogate.Surrogate) -> None:
-    found = bayes.predict_distribution(np.zeros((0, 32, 2)), passes=3)
-    assert found.mean.shape == found.std.shape == (0, 32, 2)
-
-
-def test_no_run(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no run there"):
-        surrogate.load(tmp_path / "nowhere")
-
-
-def test_run_that_is_not_finished(copy: RunFolder) -> None:
-    copy.model.unlink()
-    with pytest.raises(InputError, match=r"model\.safetensors: no such file, manifest\.json lists"):
-        surrogate.load(copy.folder)
-    copy.seal.withdraw([copy.model])
-    with pytest.raises(InputError, match="not finished"):
-        surrogate.load(copy.folder)
-
-
 @pytest.mark.parametrize("kept", [0, 4, 100, -1])
 def test_truncated_model(copy: RunFolder, kept: int) -> None:
     copy.model.write_bytes(copy.model.read_bytes()[:kept])
@@ -233,14 +196,6 @@ def test_model_that_lacks_a_tensor(copy: RunFolder, name: str) -> None:
     copy.write_tensors(tensors)
     with pytest.raises(InputError, match=r"model\.safetensors: does not fit config\.yaml"):
         surrogate.load(copy.folder)
-
-
-def test_model_of_another_network(copy: RunFolder) -> None:
-    copy.config.write_text(copy.config.read_text().replace("channels: 8", "channels: 9"))
-    copy.seal.add([copy.config])
-    with pytest.raises(InputError, match="does not fit") as error:
-        surrogate.load(copy.folder)
-    assert "\n" not in str(error.value)
 
 
 def test_nothing_in_a_run_is_pickled(evaluated: Path) -> None:

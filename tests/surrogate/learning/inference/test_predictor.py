@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -170,23 +168,6 @@ def test_embedded_grid_of_a_large_body(dataset: Dataset, monkeypatch: pytest.Mon
     model.predict(2 * force(dataset)[1])
     with pytest.raises(TypeError):
         model.predict(np.roll(force(dataset)[1], -1, axis=0))
-
-
-def test_distribution_of_a_deterministic_network(trained: Path, dataset: Dataset) -> None:
-    model = load(trained)
-    force = loads(dataset)[2]
-    found = model.averaged_passes(force)
-    one = model.predict(force)
-    np.testing.assert_allclose(found.mean, one, rtol=0, atol=3e-6 * np.abs(one).max())
-    assert not found.std.any()
-
-
-def test_stochastic_networks_average_their_passes(make_run: Callable[..., Path]) -> None:
-    model = load(make_run(epochs=1, likelihood="variational_bayes"))
-    force = np.zeros(model.geometry.coordinates.shape)
-    force[model.geometry.tip] = 1.0
-    assert model.predictor.at_nodes is None
-    np.testing.assert_array_equal(model.predict(force), model.predict_distribution(force).mean)
 
 
 def test_passes_respond_linearly_once(dataset: Dataset) -> None:

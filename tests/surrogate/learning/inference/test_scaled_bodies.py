@@ -46,7 +46,7 @@ def test_lengths_stiffnesses_and_loads_of_any_size(
     largest = load * np.array(model.description.data.info.force.max_abs)
     for one in force:
         one[rng.choice(movable, 2, replace=False)] = rng.uniform(-0.6, 0.6, 2)[:, None] * largest
-    dead = geometry.pressed is None
+    dead = geometry.pressed is None and name != "beam3d_any_reduced"  # the body of beam3d_any
     predicted, alone = model.predict(force), model.predict(force[0])
     size = np.abs(predicted).max()
     linear = model.body.equilibrium.linear_response(force)

@@ -66,21 +66,6 @@ def test_measures_under_other_loads(evaluation: Evaluation, content: dict[str, A
     )
 
 
-def test_figures(run: Path, evaluation: Evaluation) -> None:
-    assert evaluation.write() == run
-    names = {path.stem for path in (run / "figures").iterdir()}
-    assert {"calibration", "error_against_uncertainty", "uncertainty_field", "loss"} <= names
-    assert "sweep" not in names  # the loads are not all at one node
-
-
-def test_maximum_likelihood_makes_no_passes(data: Path, make_run: Callable[..., Path]) -> None:
-    folder = make_run(likelihood="maximum_likelihood", epochs=2)
-    content = evaluate(folder, data).content
-    assert "passes" not in content["uncertainty"]
-    assert "extrapolation" not in content
-    assert content["uncertainty"]["mean_std"] > 0
-
-
 @pytest.mark.parametrize("key", ["mesh", "supports", "material"])
 def test_another_body_is_refused(tmp_path: Path, data: Path, run: Path, key: str) -> None:
     folder = tmp_path / "nodal"

@@ -1,13 +1,11 @@
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from shared_schema.common.drawing.figure_style import make_figure
-from surrogate.figures.curves import scale_from_zero, sweep_curves
+from surrogate.figures.curves import sweep_curves
 from surrogate.learning.data.samples import NodalSamples
 from surrogate.learning.inference.loading import load
 from surrogate.learning.measures.extrapolation import Extrapolation
@@ -90,28 +88,3 @@ def test_figure(extrapolation: Extrapolation) -> None:
     np.testing.assert_allclose(np.asarray(other.get_ydata()), 100.0)
     band = np.asarray(right.collections[0].get_paths()[0].vertices)[:, 1]
     np.testing.assert_allclose([band.min(), band.max()], [-979.982, 979.982], rtol=1e-5)
-
-
-def test_figure_where_no_force_is_of_the_training(extrapolation: Extrapolation) -> None:
-    """The axis is linear up to the smallest σ, 500 mm."""
-    samples, predicted = extrapolation.samples, extrapolation.predicted
-    beyond = replace(
-        extrapolation,
-        samples=NodalSamples(samples.force[:1], samples.displacement[:1]),
-        predicted=Distribution(
-            predicted.mean[:1], predicted.std_epistemic[:1], predicted.std_aleatoric[:1]
-        ),
-    )
-    right = sweep_curves(beyond).axes[1]
-    assert list(right.get_yticks()) == [-500, 0, 500]
-
-
-def test_ticks_by_decades_beyond_the_linear_part() -> None:
-    """One digit of 3.4 mm is 3; 3000 mm is beyond the axis."""
-    axes = make_figure(3.0, 3.0).subplots()
-    axes.plot([0, 1], [-20, 1200])
-    scale_from_zero(axes, 3.4)
-    assert list(axes.get_yticks()) == [-300, -30, -3, 0, 3, 30, 300]
-    assert axes.get_yticklabels()[0].get_text() == "−300"
-    transform = axes.yaxis.get_transform()
-    np.testing.assert_allclose(np.diff(transform.transform(np.array([0, 1, 2, 3]))), 1 / 0.9)

@@ -8,7 +8,6 @@ import torch
 from torch import Tensor, nn
 
 from shared_schema.manifest import ComponentStatistics, StructuredInfo
-from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.data.samples import Samples
 from surrogate.learning.networks.field_network import SMALLEST_STD, FieldNetwork
 from tests.surrogate.l_shape import L_SHAPE
@@ -81,13 +80,6 @@ def test_zero_at_clamped_nodes_and_where_there_is_none() -> None:
     assert torch.equal(output != 0, torch.tensor(moving).expand(4, 2, 3, 3))
 
 
-def test_zero_at_clamped_nodes_in_3d(dataset_3d: Dataset) -> None:
-    network = FieldNetwork(Constant(), dataset_3d.geometry, dataset_3d.info)
-    output = network(dataset_3d.test.force).mean
-    assert not output[:, :, 0].any()
-    assert bool((output[:, :, 1:] != 0).all())
-
-
 class MeansAndSpreads(nn.Module):
     """A network that returns a mean of 2 and a given ρ everywhere."""
 
@@ -124,10 +116,6 @@ def test_spread_is_scaled_by_node_as_the_mean_is() -> None:
     assert std[1, 2, 1].item() == pytest.approx(5 * math.log(2), rel=1e-5)
 
 
-def test_deterministic_network_has_no_spread() -> None:
-    assert FieldNetwork(Constant(), L_SHAPE, INFO)(torch.zeros(1, 2, 3, 3)).std is None
-
-
 def test_free_components_by_hand() -> None:
     """Nodes 3 to 7 are free, at grid points of the same numbers; point 8 is no node.
 
@@ -139,17 +127,3 @@ def test_free_components_by_hand() -> None:
     single[5, 1] = True
     network = FieldNetwork(Constant(), replace(L_SHAPE, single=single), INFO)
     assert network.free_components.tolist() == [3, 4, 5, 6, 7, 12, 13, 15, 16]
-
-
-def test_scales_are_saved_with_the_weights() -> None:
-    state = FieldNetwork(Constant(), L_SHAPE, INFO).state_dict()
-    assert set(state) == {
-        "force_scale",
-        "displacement_rms",
-        "displacement_scale",
-        "free",
-        "aleatoric_factor",
-        "epistemic_factor",
-        "count_factor.counts",
-        "count_factor.values",
-    }

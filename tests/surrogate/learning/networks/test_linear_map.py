@@ -12,11 +12,8 @@ import torch
 
 from shared_schema.common.errors import InputError
 from shared_schema.grid import Grid
-from shared_schema.manifest import read_manifest, write_manifest
-from shared_schema.stiffness import stiffness_problems, write_stiffness
+from shared_schema.stiffness import stiffness_problems
 from surrogate.learning.data.dataset import Dataset
-from surrogate.learning.data.joined_dataset import read_dataset
-from surrogate.learning.evaluation.run_evaluation import evaluate
 from surrogate.learning.inference.loading import load
 from surrogate.learning.inference.surrogate import Surrogate
 from surrogate.learning.models.kinds import run_config
@@ -121,23 +118,6 @@ def test_trained_by_the_ordinary_loop(tmp_path: Path, with_stiffness: Dataset) -
     )
     np.testing.assert_allclose(twice, 2 * one, atol=1e-5)
     assert not load(tmp_path / "whole").is_probabilistic
-
-
-def test_from_file_to_evaluation(tmp_path: Path, data: Path, stiffness: np.ndarray) -> None:
-    folder = tmp_path / "data"
-    folder.mkdir()
-    for path in data.iterdir():
-        (folder / path.name).hardlink_to(path)
-    (folder / "manifest.json").unlink()
-    manifest = read_manifest(data)
-    assert manifest.structured is not None
-    digest = write_stiffness(folder, sparse(stiffness), manifest.case_digest, "quad")
-    info = manifest.structured.model_copy(update={"stiffness": digest})
-    write_manifest(folder, manifest.model_copy(update={"structured": info}))
-    train(linear_config(), read_dataset(folder), tmp_path / "run", device="cpu")
-    content = evaluate(tmp_path / "run", folder).content
-    assert content["trainable_parameters"] == 56**2
-    assert content["epochs"] == 4
 
 
 def test_dataset_without_stiffness_is_refused(tmp_path: Path, dataset: Dataset) -> None:

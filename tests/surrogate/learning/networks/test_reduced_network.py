@@ -24,7 +24,6 @@ from surrogate.learning.networks.modes import leading_modes
 from surrogate.learning.networks.reduced_network import ReducedNetwork
 from surrogate.learning.optim.optimisers import is_hidden_kernel
 from surrogate.learning.probabilistic.flipout import flipouts
-from surrogate.learning.runs.config_reader import read_config
 from surrogate.mechanics.equilibrium.linear_response import LinearResponse, required
 from tests.surrogate.resuming import assert_resumes, trained
 
@@ -141,13 +140,13 @@ def test_standard_deviations_are_those_of_the_coefficients(dataset: Dataset) -> 
     torch.testing.assert_close(points(std, network)[3], expected, rtol=1e-3, atol=0)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", ["vb with a series", "ensemble with a series", "vb of the head"])
 def test_k_and_k_epochs_are_2k(tmp_path: Path, dataset: Dataset, kind: str) -> None:
     assert_resumes(reduced(**KINDS[kind]), dataset, tmp_path, stop_after=2)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", ["mle", "vb with a series", "ensemble with a series"])
 def test_saved_and_exported(tmp_path: Path, dataset: Dataset, kind: str) -> None:
     """The run folder alone predicts, and its ONNX file gives the same."""
     run = trained(reduced(**KINDS[kind]), dataset, tmp_path / "run")
@@ -158,7 +157,6 @@ def test_saved_and_exported(tmp_path: Path, dataset: Dataset, kind: str) -> None
     expected = model.averaged_passes(force, passes=passes or 1)
     export(run.folder, tmp_path / "a.onnx", format="onnx", passes=passes)
     exported = load_exported(tmp_path / "a.onnx")(torch.from_numpy(force.astype(np.float32)))
-    assert model.is_probabilistic == (kind not in ("d", "series"))
     for name, array in expected.fields().items():
         if name in exported:
             scale = np.abs(array).max()
@@ -217,8 +215,3 @@ def test_more_modes_than_samples(dataset: Dataset) -> None:
     config = reduced(network={**SMALL, "output_modes": 49})
     with pytest.raises(InputError, match=r"'network.output_modes' = 49: expected 48 at most"):
         config.require_suitable(dataset, dataset.train)
-
-
-def test_shipped_configuration() -> None:
-    config = read_config("beam3d-reduced-fast")
-    assert config.architecture == "reduced network, 64 → 3 × 256 → 96, load series"

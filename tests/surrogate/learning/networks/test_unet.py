@@ -59,19 +59,6 @@ def test_parameters_of_the_paper_in_3d() -> None:
     assert round(found / 1e6, 1) == 93.4
 
 
-@pytest.mark.parametrize("batch_norm", [True, False])
-def test_parameters_of_constant_channels(batch_norm: bool) -> None:
-    config = UNetConfig(levels=4, channels=16, multiplier=1, batch_norm=batch_norm)
-    assert config.level_channels() == [16, 16, 16, 16]
-    assert parameter_count(UNet(2, 2, config)) == count_by_formula(2, [16] * 4, batch_norm)
-
-
-def test_default_is_the_papers_in_2d() -> None:
-    config = UNetConfig()
-    assert config.level_channels() == [128, 256, 512]
-    assert (config.padding, config.activation, config.batch_norm) == (2, "relu", True)
-
-
 @pytest.mark.parametrize(
     "size", [(16, 4), (15, 7), (5, 3), (1, 1), (8, 8), (9, 4, 3), (6, 5, 7)], ids=str
 )
@@ -160,15 +147,6 @@ def test_forward_equals_the_network_written_out(size: tuple[int, ...]) -> None:
     expected = by_hand(field, network.state_dict(), 3, 2)
     assert expected.abs().max() > 0.1
     torch.testing.assert_close(network(field), expected, rtol=1e-4, atol=1e-4)
-
-
-@pytest.mark.parametrize(
-    ("name", "kind"), [("relu", nn.ReLU), ("gelu", nn.GELU), ("silu", nn.SiLU)]
-)
-def test_activation_by_name(name: str, kind: type[nn.Module]) -> None:
-    config = UNetConfig.model_validate({"levels": 2, "channels": 2, "activation": name})
-    # two convolutions at each of 2 + 1 levels
-    assert sum(isinstance(module, kind) for module in UNet(2, 2, config).modules()) == 6
 
 
 @pytest.mark.parametrize(

@@ -91,33 +91,3 @@ def test_steps_decrease_a_quadratic() -> None:
         optimiser.step()
         losses.append(loss.item())
     assert all(after < before for before, after in pairwise(losses))
-
-
-def test_closure_is_evaluated() -> None:
-    weight = torch.nn.Parameter(random((4, 4)))
-
-    def closure() -> Tensor:
-        loss = weight.square().sum()
-        loss.backward()  # type: ignore[no-untyped-call]
-        return loss
-
-    expected = weight.square().sum().item()
-    assert Muon([weight], lr=0.01).step(closure).item() == pytest.approx(expected)
-
-
-def test_state_round_trip() -> None:
-    """Two steps give the same weights as one step and another from the saved state."""
-
-    def run(restart: bool) -> Tensor:
-        weight = torch.nn.Parameter(random((4, 6)))
-        optimiser = Muon([weight], lr=0.1, momentum=0.9)
-        for step in range(2):
-            weight.grad = random((4, 6), seed=10 + step)
-            optimiser.step()
-            if restart:
-                state = optimiser.state_dict()
-                optimiser = Muon([weight], lr=0.1, momentum=0.9)
-                optimiser.load_state_dict(state)
-        return weight.detach()
-
-    assert torch.equal(run(restart=True), run(restart=False))

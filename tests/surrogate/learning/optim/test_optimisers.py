@@ -65,13 +65,6 @@ def test_muon_takes_the_kernels_between_hidden_layers() -> None:
     assert muon.param_groups[0]["weight_decay"] == 0.1
 
 
-def test_muon_leaves_first_and_last_kernel_in_3d() -> None:
-    network = UNet(3, 3, UNetConfig(levels=2, channels=8))
-    muon, _ = make_optimisers(network, OptimiserConfig(name="muon"))
-    assert not {"encoder.0.0.weight", "head.weight"} & names_of(muon, network)
-    assert len(names_of(muon, network)) == 5
-
-
 @pytest.mark.parametrize("prior_mean", ["trainable", "zero"])
 def test_muon_takes_the_means_of_probabilistic_kernels_only(prior_mean: str) -> None:
     """Muon never updates ρ and prior means, which also have the shape of kernels, or biases."""
@@ -116,20 +109,6 @@ def test_rho_has_a_learning_rate_of_its_own_and_no_weight_decay() -> None:
     assert [o.param_groups[0]["weight_decay"] for o in (rest, spread)] == [0.1, 0.0]
 
 
-def test_adam_takes_all() -> None:
-    network = UNet(2, 2, UNetConfig(levels=2, channels=8))
-    (adam,) = make_optimisers(network, OptimiserConfig(name="adam", betas=(0.8, 0.9)))
-    assert names_of(adam, network) == {name for name, _ in network.named_parameters()}
-    assert adam.param_groups[0]["betas"] == (0.8, 0.9)
-
-
-def test_learning_rate_is_set_everywhere() -> None:
-    network = UNet(2, 2, UNetConfig(levels=2, channels=8))
-    optimisers = make_optimisers(network, OptimiserConfig(name="muon"))
-    set_learning_rate(optimisers, 0.125)
-    assert [group["lr"] for o in optimisers for group in o.param_groups] == [0.125, 0.125]
-
-
 @pytest.mark.parametrize(
     "wrong", [{"name": "sgd"}, {"learning_rate": 0}, {"momentum": 1}, {"gradient_clip": 0}]
 )
@@ -162,3 +141,44 @@ def test_networks_without_some_kind_of_parameter(
     assert len(trained) == sum(p.requires_grad for p in network.parameters())
     set_learning_rate(optimisers, 0.1)
     assert all(float(g["lr"]) == pytest.approx(0.1) for o in optimisers for g in o.param_groups)
+
+
+def one_cycle_of_torch(steps: int, warmup: float, final: float) -> list[float]:
+    """Return the rates of OneCycleLR with a peak of 1; they start at 1/25 and end at `final`."""
+    optimiser = torch.optim.SGD([torch.zeros(1)], lr=1.0)
+    scheduler = torch.optim.lr_scheduler.OneCycleLR(
+        optimiser,
+        max_lr=1.0,
+        total_steps=steps,
+        pct_start=warmup,
+        div_factor=25.0,
+        final_div_factor=1 / (25 * final) if final else float("inf"),
+        cycle_momentum=False,
+    )
+    rates = []
+    for _ in range(steps):
+        rates.append(optimiser.param_groups[0]["lr"])
+        optimiser.step()
+        scheduler.step()
+    return rates
+
+
+@pytest.mark.parametrize("steps", [10, 97, 1000])
+@pytest.mark.parametrize("warmup", [0.3, 0.25, 0.5])
+@pytest.mark.parametrize("final", [0.0, 1e-3, 0.2])
+@pytest.mark.filterwarnings("ignore:.*step")
+def test_one_cycle_is_that_of_torch(steps: int, warmup: float, final: float) -> None:
+    schedule = ScheduleConfig(name="one_cycle", warmup=warmup, final=final)
+    rates = [schedule.factor(step, steps) for step in range(steps)]
+    assert rates == pytest.approx(one_cycle_of_torch(steps, warmup, final), rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize("warmup", [0.0, 0.1, 0.9])
+@pytest.mark.parametrize("steps", [1, 2, 10])
+def test_one_cycle_of_few_steps(steps: int, warmup: float) -> None:
+    schedule = ScheduleConfig(name="one_cycle", warmup=warmup, final=0.1)
+    assert all(1 / 25 <= schedule.factor(step, steps) <= 1 for step in range(steps))
+
+
+def test_one_cycle_without_warm_up_starts_at_the_peak() -> None:
+    assert ScheduleConfig(name="one_cycle").factor(0, 100) == 1.0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from math import atan, erf, log, pi, sqrt
 from statistics import NormalDist
 
@@ -21,7 +20,6 @@ from surrogate.learning.probabilistic.calibration import (
     negative_log_likelihood,
     rank_correlation,
 )
-from surrogate.mechanics.body.free_components import require_positive
 
 NORMAL = NormalDist()
 FREE = np.array([False, True, True, True, True, True])
@@ -56,10 +54,6 @@ def test_crps_against_its_integral(error: float, std: float) -> None:
     assert found[0] == pytest.approx(below + above, rel=1e-7)
 
 
-def test_crps_of_a_certain_prediction_is_the_absolute_error() -> None:
-    assert crps(np.array([-0.5]), np.array([1e-9]))[0] == pytest.approx(0.5, rel=1e-8)
-
-
 def test_half_width() -> None:
     """Values from a table of the normal distribution."""
     found = [half_width(level) for level in (0.5, 0.9, 0.95)]
@@ -87,15 +81,6 @@ def test_area_by_hand() -> None:
     """Gaps of 0, 0.25 and 0 at 0, 0.5 and 1: a triangle of area 0.125."""
     found = miscalibration_area(np.array([0.0, 0.5, 1.0]), np.array([0.0, 0.25, 1.0]))
     assert found == pytest.approx(0.125)
-
-
-def test_rank_correlation_by_hand() -> None:
-    x = np.array([[1.0, 2.0, 3.0, 4.0], [1.0, 2.0, 3.0, 4.0], [1.0, 2.0, 2.0, 3.0], [7.0] * 4])
-    y = np.array([[0.1, 0.2, 5.0, 90], [3.0, 1.0, 0.5, 0.0], [1.0, 2.0, 3.0, 4.0], [1, 2, 3, 4]])
-    # Third: ranks 1, 2.5, 2.5, 4 and 1, 2, 3, 4 about 2.5: 4.5 / √(4.5 · 5). Fourth: constant.
-    expected = [1.0, -1.0, 4.5 / sqrt(22.5), 0.0]
-    np.testing.assert_allclose(rank_correlation(x, y), expected, rtol=1e-12)
-    np.testing.assert_allclose(rank_correlation(y, x), expected, rtol=1e-12)
 
 
 def test_rank_correlation_against_scipy() -> None:
@@ -152,28 +137,3 @@ def test_rank_correlations_of_samples() -> None:
     assert (
         measure_calibration(np.zeros_like(std), std, reference, free).sample_rank_correlation == 1.0
     )
-
-
-def test_one_sample_has_no_rank() -> None:
-    error = normal_errors(samples=1)
-    found = measure_calibration(np.zeros_like(error), np.ones_like(error), error, FREE)
-    assert found.sample_rank_correlation == 0.0
-
-
-def test_plain_is_json() -> None:
-    error = normal_errors(samples=2)
-    found = measure_calibration(np.zeros_like(error), np.ones_like(error), error, FREE)
-    content = json.loads(json.dumps(found.plain()))
-    assert content["intervals"][1]["level"] == 0.9
-    assert content["crps"] == found.crps
-    assert (len(content), len(content["levels"]), len(content["observed"])) == (10, 101, 101)
-
-
-@pytest.mark.parametrize("wrong", [0.0, -1.0, float("nan"), float("inf")])
-def test_std_is_positive_where_free(wrong: float) -> None:
-    std = np.ones((3, 6, 2))
-    std[:, 0] = 0.0
-    require_positive(std, FREE)
-    std[1, 4, 0] = wrong
-    with pytest.raises(ValueError, match=r"component\) \(1, 4, 0\) is .*, expected a positive"):
-        measure_calibration(np.zeros_like(std), std, np.zeros_like(std), FREE)

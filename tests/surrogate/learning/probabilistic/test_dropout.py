@@ -99,9 +99,3 @@ def test_prediction_is_the_mean_over_dropped_channels(run: Path, dataset: Datase
     np.testing.assert_allclose(found.std_epistemic, passes.std(axis=0, ddof=1), atol=1e-6)
     assert found.std_epistemic.max() > 1e-3
     assert not found.std_aleatoric.any()
-
-
-def test_loaded_again_it_predicts_the_same(run: Path, dataset: Dataset) -> None:
-    one, other = (load(run).predict_distribution(dataset.nodal_test.force, 5, 1) for _ in range(2))
-    assert np.array_equal(one.mean, other.mean)
-    assert np.array_equal(one.std, other.std)

@@ -339,29 +339,6 @@ def test_gradient_of_the_spread() -> None:
     torch.testing.assert_close(found, expected, rtol=5 * math.sqrt(2 / PASSES), atol=0)
 
 
-@pytest.mark.parametrize("biases", [False, True])
-def test_state_round_trip(biases: bool) -> None:
-    layer = layer_of(2, biases=biases)
-    other = FlipoutConvolution(nn.Conv2d(INPUTS, OUTPUTS, 3), VariationalConfig(biases=biases))
-    other.load_state_dict(layer.state_dict())
-    x = input_of(2, 3)
-    torch.manual_seed(4)
-    expected = layer(x)
-    torch.manual_seed(4)
-    assert torch.equal(other(x), expected)
-    parts = ("mean", "rho", "prior_mean")
-    names = {f"kernel.{p}" for p in parts} | ({f"bias.{p}" for p in parts} if biases else {"bias"})
-    assert set(layer.state_dict()) == names
-
-
-def test_draws_are_no_part_of_the_state() -> None:
-    layer = layer_of(2)
-    before = set(layer.state_dict())
-    layer.fixed = layer.draw([torch.Generator()])
-    layer(input_of(2, 1))
-    assert set(layer.state_dict()) == before
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("divergence", ["closed", "sampled"])
 def test_compiled_passes_differ_and_have_the_same_moments(divergence: str) -> None:

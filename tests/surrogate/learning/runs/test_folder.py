@@ -68,17 +68,3 @@ def test_failed_save_keeps_the_old_file(tmp_path: Path) -> None:
         save_atomically({"x": "no tensor"}, path)  # type: ignore[dict-item]
     assert path.read_bytes() == before
     assert list(path.parent.iterdir()) == [path]
-
-
-def test_metric_lines(tmp_path: Path) -> None:
-    run = RunFolder(tmp_path)
-    assert run.metric_lines() == []
-    run.metrics.write_text('{"epoch": 1}\n\n{"epoch": 2}\n')
-    assert [line["epoch"] for line in run.metric_lines()] == [1, 2]
-
-
-def test_last_metric_line_cut_short_is_left_out(tmp_path: Path) -> None:
-    """A computer that crashes while it writes leaves an incomplete line."""
-    run = RunFolder(tmp_path)
-    run.metrics.write_text('{"epoch": 1}\n{"epoch": 2, "train_lo')
-    assert [line["epoch"] for line in run.metric_lines()] == [1]

@@ -101,21 +101,6 @@ def test_it_predicts_from_anywhere(name: str, elsewhere: Path) -> None:
     assert -largest < moved < -rest
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_a_load_alone_and_in_a_batch(name: str) -> None:
-    """Loads as in the training: the difference is 1e-4 of the largest displacement at most."""
-    model = surrogate.load(name)
-    limit = model.description.data.info.force.max_abs
-    random, nodes = np.random.default_rng(0), np.flatnonzero(model.geometry.loadable)
-    forces = np.zeros((8, *model.geometry.coordinates.shape))
-    for force in forces:
-        loaded = random.choice(nodes, random.integers(1, 5), replace=False)
-        force[loaded] = random.uniform(-1, 1, (len(loaded), len(limit))) * limit
-    for force, expected in zip(forces, model.predict(forces), strict=True):
-        atol = 1e-4 * np.abs(expected).max()
-        np.testing.assert_allclose(model.predict(force), expected, rtol=0, atol=atol)
-
-
 def test_list(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["list"]) == 0
     networks, configurations = capsys.readouterr().out.split("\n\n")
@@ -145,11 +130,6 @@ def test_a_network_says_what_it_is(elsewhere: Path) -> None:
     model = surrogate.load("finger3d")
     model.mean_error = None
     assert repr(model).endswith(", reduced network 0.17 M)")
-
-
-def test_an_error_on_other_data_is_not_the_network_s(evaluated: Path) -> None:
-    run = RunFolder(evaluated)
-    assert run.mean_error() == run.read_evaluation()["test"]["mean_error"]
 
 
 # --- finding them ---------------------------------------------------------------------------------
@@ -269,15 +249,3 @@ def test_evaluation_writes_into_a_copy(
     assert (tmp_path / "copy" / "figures" / "errors.png").is_file()
     assert main([*command, "--out", str(tmp_path / "copy")]) == 2
     assert "exists, expected a new folder" in capsys.readouterr().err
-
-
-def test_commands_take_names(
-    tmp_path: Path, evaluated: Path, empty: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    shelve(evaluated, "small")
-    load = ("--load", "2.5,1.5:0.5,-1", "--load", "3.5,1.5:0,-1")
-    assert main(["predict", "small", *load, "--out", str(tmp_path / "a.npz")]) == 0
-    export = ("--format", "pt2", "--out", str(tmp_path / "a.pt2"))
-    assert main(["export", "small", *export]) == 0
-    assert main(["report", "small", "--out", str(tmp_path / "a.html")]) == 0
-    assert "mean error" in (tmp_path / "a.html").read_text()

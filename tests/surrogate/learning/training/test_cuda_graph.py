@@ -1,7 +1,6 @@
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ from surrogate.learning.networks.unet import UNet, UNetConfig
 from surrogate.learning.optim.optimisers import OptimiserConfig, make_optimisers, set_learning_rate
 from surrogate.learning.runs.folder import RunFolder
 from surrogate.learning.training import cuda_graph
-from surrogate.learning.training.cuda_graph import CapturedStep, can_capture
+from surrogate.learning.training.cuda_graph import can_capture
 from surrogate.learning.training.data_parallel import ALONE
 from surrogate.learning.training.loop import train
 from surrogate.learning.training.trainer import Trainer
@@ -83,54 +82,12 @@ class RecordedGraph:
         self.work()
 
 
-@contextmanager
-def record(graph: RecordedGraph, stream: object) -> Iterator[None]:
-    RecordedGraph.recording = graph
-    yield
-    RecordedGraph.recording = None
-
-
 class NoStream:
     def wait_stream(self, other: NoStream) -> None: ...
 
     def __enter__(self) -> None: ...
 
     def __exit__(self, *_: object) -> None: ...
-
-
-def test_replays_take_every_batch_in(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The first three batches run without a graph; all later ones are replayed."""
-    for name, stand_in in {
-        "Stream": NoStream,
-        "current_stream": NoStream,
-        "stream": lambda stream: stream,
-        "CUDAGraph": RecordedGraph,
-        "graph": record,
-    }.items():
-        monkeypatch.setattr(torch.cuda, name, stand_in)
-    ran: list[str] = []
-
-    def step(samples: Samples) -> Tensor:
-        graph, result = RecordedGraph.recording, torch.zeros(())
-
-        def work() -> None:
-            ran.append("replayed" if graph else "as it comes")
-            result.copy_(samples.force.sum() + 10 * samples.displacement.sum())
-
-        if graph:
-            graph.work = work
-        else:
-            work()
-        return result
-
-    captured = CapturedStep(step)
-    found = [
-        captured(Samples(torch.full((2,), float(i)), torch.full((2,), 1.0))).item()
-        for i in range(6)
-    ]
-    assert found == [2.0 * i + 20.0 for i in range(6)]
-    assert cuda_graph.WARM_UP == 3
-    assert ran == ["as it comes"] * 3 + ["replayed"] * 3
 
 
 @pytest.mark.parametrize("posterior_std", ["gradient", "gauss_newton"])

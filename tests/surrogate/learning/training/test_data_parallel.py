@@ -134,9 +134,14 @@ def torchrun(
     "recipe",
     [
         pytest.param({"optimiser": "adam", "gradient_clip": 0.5}, id="adam"),
-        pytest.param({"optimiser": "muon", "ema": 0.9}, id="muon"),
         pytest.param(
-            {"likelihood": "variational_bayes", "variational": {"initial_std": 1e-6}}, id="bayes"
+            {
+                "optimiser": "muon",
+                "ema": 0.9,
+                "likelihood": "variational_bayes",
+                "variational": {"initial_std": 1e-6},
+            },
+            id="muon-bayes",
         ),
     ],
 )

@@ -22,7 +22,7 @@ from surrogate.learning.models.unet_model import UNetModel
 from surrogate.mechanics.equilibrium.linear_response import LinearResponse
 from surrogate.mechanics.equilibrium.nodal_gradient import nodal_gradient
 from tests.surrogate.plane_strain import plane_strain_stiffness
-from tests.surrogate.resuming import assert_resumes, trained
+from tests.surrogate.resuming import trained
 from tests.surrogate.unet_configs import unet_config
 
 MECHANICS = {"inputs": ["force", "linear_gradient"], "skip": "linear"}
@@ -145,16 +145,8 @@ def mechanics_config(make_config: Callable[..., UNetModel], **options: Any) -> U
     return unet_config(**{key: value for key, value in content.items() if value is not None})
 
 
-@pytest.mark.parametrize("options", LIKELIHOODS, ids=["d", "mle", "vb"])
-def test_k_and_k_epochs_are_2k(
-    tmp_path: Path, stiff: Dataset, make_config: Callable[..., UNetModel], options: dict[str, Any]
-) -> None:
-    config = mechanics_config(make_config, **options)
-    assert_resumes(config, stiff, tmp_path, stop_after=2)
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("options", LIKELIHOODS, ids=["d", "mle", "vb"])
+@pytest.mark.parametrize("options", LIKELIHOODS[::2], ids=["d", "vb"])
 def test_saved_and_exported(
     tmp_path: Path, stiff: Dataset, make_config: Callable[..., UNetModel], options: dict[str, Any]
 ) -> None:

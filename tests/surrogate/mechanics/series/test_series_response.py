@@ -35,9 +35,9 @@ KINDS: dict[str, dict[str, Any]] = {
 }
 
 
-def config_of(dataset: Dataset, **content: Any) -> UNetModel:
+def config_of(dataset: Dataset, order: int = 3, **content: Any) -> UNetModel:
     """A small U-Net with the series, trained for four epochs."""
-    network = {"levels": 2, "channels": 4, **SERIES}
+    network = {"levels": 2, "channels": 4, "series_order": order, **SERIES}
     training = {"epochs": 4, "batch_size": 8, "validation_fraction": 0.1}
     case = dataset.manifest.name
     return unet_config(case=case, network=network, training=training, **content)
@@ -144,7 +144,7 @@ def test_k_and_k_epochs_are_2k(tmp_path: Path, dataset: Dataset, kind: str) -> N
 
 @pytest.mark.slow
 def test_saved_and_exported(tmp_path: Path, dataset: Dataset) -> None:
-    config = config_of(dataset, **KINDS["mle"])
+    config = config_of(dataset, order=2, **KINDS["mle"])
     run = trained(config, in_equilibrium(dataset), tmp_path / "run")
     model = load(run.folder)
     force = np.random.default_rng(0).normal(size=(3, *dataset.geometry.coordinates.shape))
@@ -199,9 +199,7 @@ def test_large_bodies_and_their_exported_files(
 ) -> None:
     """Without K⁻¹: the body solves with its factor, the file by block elimination."""
     monkeypatch.setattr("surrogate.mechanics.equilibrium.compliance.DENSE", 100)
-    config = config_of(dataset_3d)
-    network = config.network.model_copy(update={"series_order": 2})
-    config = config.model_copy(update={"network": network})
+    config = config_of(dataset_3d, order=2)
     run = trained(config, in_equilibrium(dataset_3d), tmp_path / "run")
     model = load(run.folder)
     force = 0.2 * np.random.default_rng(0).normal(size=(2, *dataset_3d.geometry.coordinates.shape))

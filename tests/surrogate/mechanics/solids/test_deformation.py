@@ -85,6 +85,20 @@ def test_neo_hookean_energy_stands_once() -> None:
             torch.testing.assert_close(energy_density(f, material), expected, rtol=1e-12, atol=1e-9)
 
 
+def test_energy_of_a_uniform_stretch() -> None:
+    """F = 1.1 I in space: J = 1.331, I_c = 3.63; the energies are those of the formulas by hand."""
+    f, lam, mu = 1.1 * torch.eye(3, dtype=torch.float64)[..., None], 5000 / 7, 1250 / 7
+    isochoric = mu / 2 * (0.63 - 2 * math.log(1.331))
+    volumes = {
+        "paper": lam / 4 * (1.331**2 - 1 - 2 * math.log(1.331)),
+        "quadratic": lam / 2 * 0.331**2,
+    }
+    for volumetric in ("paper", "quadratic"):
+        material = NeoHookean(young_modulus=500, poisson_ratio=0.4, volumetric=volumetric)
+        expected = isochoric + volumes[volumetric]
+        assert energy_density(f, material).item() == pytest.approx(expected)
+
+
 @ALL
 def test_no_energy_without_a_body(material: ShippedMaterial) -> None:
     """+∞ where J ≤ 0, and beyond the limit of Gent's chains: Ī₁ − 3 = 16/2^(4/3)·… > 8."""
