@@ -112,11 +112,10 @@ def energy_density(
     f: Expression,
     material: Material,
     domain: Any,
-    dilation: Expression | None = None,
     directions: Sequence[Expression] = (),
 ) -> Expression:
     """Strain energy density W(F) of any material in J/m³, as a UFL scalar (`density_of`)."""
-    return density_of(f, material, domain, dilation, directions).value
+    return density_of(f, material, domain, directions=directions).value
 
 
 def density_of(

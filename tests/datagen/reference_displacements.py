@@ -28,7 +28,11 @@ from shared_schema.materials import VOLUMETRIC_TERMS
 
 FILE = Path(__file__).with_suffix(".json")
 MESHES = Path(__file__).with_name("reference_meshes.npz")
-SAME = ("beam3d_places", "beam3d_sweep")  # body of beam3d under single loads, as beam3d itself
+SAME = (
+    "beam3d_any",
+    "beam3d_places",
+    "beam3d_sweep",
+)  # body of beam3d under single loads, as beam3d itself
 ORGANS = ("breast3d", "liver3d", "liver3d_touch")  # met by AceFEM, loaded at all nodes
 LEFT_OUT = (*SAME, *ORGANS)
 CASES = sorted(path.stem for path in SHIPPED.glob("*.yaml") if path.stem not in LEFT_OUT)

@@ -66,15 +66,6 @@ def test_two_nodes_make_what_one_process_makes(nodes: TwoNodes, serial: Path) ->
     assert_same(serial, nodes.folder / "nodal")
 
 
-def test_wrong_input_on_two_nodes(nodes: TwoNodes, serial: Path) -> None:
-    with start(nodes, [*run_on(nodes, serial), "--samples", "0"]) as process:
-        _, said = process.communicate(timeout=120)
-    assert process.returncode == 2
-    assert said.count("key 'dataset.samples' = 0") == 1
-    assert (nodes.folder / "reached").read_text().split() == [SECOND]
-    assert not (nodes.folder / "nodal").exists()
-
-
 @pytest.mark.faults
 @pytest.mark.slow
 def test_a_node_dies(nodes: TwoNodes, serial: Path) -> None:

@@ -40,13 +40,6 @@ def test_load_family_of_a_user(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     assert 0 < np.abs(shard["samples/force"]).max() <= 0.5
 
 
-def test_every_shipped_case_is_read() -> None:
-    from datagen.cases.case import read_case
-
-    for path in SHIPPED.glob("*.yaml"):
-        assert read_case(path.stem).name == path.stem
-
-
 def test_mesh_of_a_user(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The loadable nodes are the 7 of the free edge, 1.6 m in 10 element edges, above 0.5 m."""
     (tmp_path / "plate2d.yaml").write_text(block("mesh.md", "plate2d.yaml"))

@@ -24,7 +24,7 @@ from tests.datagen.reference_displacements import (
 )
 
 REFERENCE = json.loads(FILE.read_text())
-SLOW = {"beam3d", "beam3d_any", "finger3d"}
+SLOW = {"beam3d", "finger3d"}
 
 
 @pytest.mark.parametrize("volumetric", VOLUMETRIC_TERMS)

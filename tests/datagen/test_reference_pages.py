@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from pathlib import Path
 
 import pytest
@@ -23,14 +22,6 @@ def test_pages() -> None:
     assert all(name in pages["case-keys.md"] for name in SHIPPED)
     assert "## datagen structure\n" in pages["datagen-commands.md"]
     assert r"`--out FILE.(npz\|vtu\|xdmf)`" in pages["datagen-commands.md"]
-
-
-def test_examples_of_the_help_are_commands() -> None:
-    parser = _parser()
-    for command in commands_of(parser).values():
-        for line in (command.epilog or "").splitlines()[1:]:
-            words = shlex.split(line.partition(" > ")[0])
-            parser.parse_args(words[words.index("datagen") + 1 :])
 
 
 @pytest.mark.parametrize("name", commands_of(PARSER))

@@ -93,7 +93,7 @@ def test_soft_finger() -> None:
     assert inflated[tip, 2] < -0.02
     assert abs(inflated[:, 1].mean()) < 1e-8  # the middle of its width is a plane of symmetry
     moved = []
-    for number in range(4):
+    for number in range(2):
         load = body.loads[number]
         assert len(load.nodes) == 1
         assert 0 < load.pressures[0] < 1500

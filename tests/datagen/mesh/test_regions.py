@@ -63,6 +63,7 @@ def test_a_group_is_written_only_where_there_is_one() -> None:
     """Datasets of cases without groups keep their digest."""
     assert Region(x=0).model_dump(mode="json") == {"x": 0.0, "y": None, "z": None}
     assert Region(group="a").model_dump(mode="json")["group"] == "a"
+    assert Region(boundary=True).model_dump()["boundary"] is True
 
 
 def test_boundary_of_a_square() -> None:
@@ -77,12 +78,6 @@ def test_boundary_of_a_square() -> None:
     assert Region(boundary=True, x="> 0").select(x, facets=facets).sum() == 11
     with pytest.raises(ValueError, match="the facets of the surface are not known"):
         Region(boundary=True).select(x)
-
-
-def test_unused_keys_are_not_part_of_a_case() -> None:
-    """Cases of before keep their digest."""
-    assert Region(x="> 0").model_dump() == {"x": "> 0", "y": None, "z": None}
-    assert Region(boundary=True).model_dump()["boundary"] is True
 
 
 def test_node_numbers(tmp_path: Path) -> None:

@@ -242,7 +242,7 @@ def test_full_disk_is_exit_1_and_one_line(beam: Path, tmp_path: Path) -> None:
 def test_a_disk_that_is_full_somewhere(beam: Path, tmp_path: Path, suffix: str) -> None:
     """From no room to enough, in steps: one line that names the target, and nothing is left."""
     codes = []
-    for size in (1, 4, 16, 64, 256, 300, 320, 340, 1000):
+    for size in (1, 64, 300, 1000):
         disk = SmallDisk(tmp_path / f"disk-{size}", f"size={size}k")
         out = disk.folder / f"a.{suffix}"
         result = finish(disk.words(datagen("export", beam, "--out", out)))

@@ -53,7 +53,7 @@ QUADRATIC = {
 BODIES = [(d, simplices) for d in (2, 3) for simplices in (False, True)]
 CASES = [
     pytest.param(element, d, simplices, marks=[pytest.mark.slow] if d == 3 else [])
-    for element in ("quadratic", "incompressible")
+    for element in ELEMENTS
     for d, simplices in BODIES
 ]
 
@@ -250,7 +250,7 @@ def solved(element: Element, d: int, simplices: bool) -> tuple[EquilibriumProble
     forces[corner, -2:] = 0.7, -1.5
     report = solve_load_case(problem, np.array([corner]), forces[[corner]], settings)
     assert report.solved
-    assert np.linalg.norm(problem.displacement()[corner]) > 0.4
+    assert np.linalg.norm(problem.displacement()[corner]) > 0.2
     return problem, forces
 
 

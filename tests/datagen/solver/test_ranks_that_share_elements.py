@@ -9,23 +9,53 @@ import meshio
 import numpy as np
 import pytest
 import yaml
+from mpi4py import MPI
 
+import datagen
+from datagen.command_line import main
+from shared_schema.layout import Arrays
 from shared_schema.shard import read_shard
-from tests.datagen.farm_runs import datagen, execute, finish
+from tests.datagen import farm_runs
 from tests.datagen.solver.cantilever import box
 
+pytestmark = [pytest.mark.mpi, pytest.mark.slow]
+POINT = {"family": "random_node", "region": {"x": 4}, "range": [-1, 1]}
+SPREAD = [
+    {"family": "pressure", "region": {"y": 1}, "range": [1, 2]},
+    {"family": "body_force", "range": [-1, 1]},
+]
 
-@pytest.mark.mpi
-@pytest.mark.slow
+
+def both(
+    folder: Path, element: str, simplices: bool, linear_solver: str, load: Any
+) -> list[Arrays]:
+    """Two samples of a beam, by one rank and by two that share a solve."""
+    raw = box((4.0, 1.0), (12, 4), simplices)
+    meshio.write_points_cells(folder / "beam.vtu", raw.coordinates, {raw.cell_type: raw.cells})
+    content: dict[str, Any] = {
+        "name": "beam",
+        "mesh": {"kind": "file", "path": "beam.vtu"},
+        "material": {"young_modulus": 500, "poisson_ratio": 0.45},
+        "element": element,
+        "supports": [{"x": 0}],
+        "load": load,
+        "solver": {"relative_tolerance": 1e-12, "linear_solver": linear_solver},
+        "dataset": {"samples": 2, "seed": 1, "test_fraction": 0.5},
+    }
+    case = folder / "case.yaml"
+    case.write_text(yaml.safe_dump(content))
+    datagen.run(case, folder / "one", comm=MPI.COMM_SELF)
+    result = farm_runs.execute(2, case, folder / "two", "--ranks-per-solve", "2")
+    assert result.returncode == 0, result.stderr
+    return [read_shard(folder / name / "shard-00000.h5", "nodal") for name in ("one", "two")]
+
+
 @pytest.mark.parametrize(
     ("element", "simplices", "linear_solver"),
     [
-        ("linear", False, "lu"),
         ("linear", True, "corotated"),
         ("quadratic", False, "corotated"),
-        ("quadratic", True, "lu"),
-        ("incompressible", False, "corotated"),
-        ("incompressible", True, "lu"),
+        ("incompressible", False, "lu"),
         ("incompressible", True, "corotated"),
     ],
 )
@@ -33,66 +63,22 @@ def test_same_displacements(
     tmp_path: Path, element: str, simplices: bool, linear_solver: str
 ) -> None:
     """Residuals end at 1e-12 of loads of about 1 N, so displacements are equal to 1e-9 m."""
-    raw = box((4.0, 1.0), (12, 4), simplices)
-    meshio.write_points_cells(tmp_path / "beam.vtu", raw.coordinates, {raw.cell_type: raw.cells})
-    content: dict[str, Any] = {
-        "name": "beam",
-        "mesh": {"kind": "file", "path": "beam.vtu"},
-        "material": {"young_modulus": 500, "poisson_ratio": 0.45},
-        "element": element,
-        "supports": [{"x": 0}],
-        "load": {"family": "random_node", "region": {"x": 4}, "range": [-1, 1]},
-        "solver": {"relative_tolerance": 1e-12, "linear_solver": linear_solver},
-        "dataset": {"samples": 2, "seed": 1, "test_fraction": 0.5},
-    }
-    case = tmp_path / "case.yaml"
-    case.write_text(yaml.safe_dump(content))
-    found = []
-    for ranks in (1, 2):
-        out = tmp_path / str(ranks)
-        result = execute(ranks, case, out, "--ranks-per-solve", str(ranks))
-        assert result.returncode == 0, result.stderr
-        found.append(read_shard(out / "shard-00000.h5", "nodal")["samples/displacement"])
-    assert np.abs(found[0] - found[1]).max() < 1e-9
-    assert np.abs(found[0]).max() > 0.05
+    found = both(tmp_path, element, simplices, linear_solver, POINT)
+    one, two = (arrays["samples/displacement"] for arrays in found)
+    assert np.abs(one - two).max() < 1e-9
+    assert np.abs(one).max() > 0.05
 
 
-@pytest.mark.mpi
-@pytest.mark.slow
 @pytest.mark.parametrize(("element", "simplices"), [("quadratic", False), ("incompressible", True)])
 def test_distributed_loads_on_points_between(tmp_path: Path, element: str, simplices: bool) -> None:
     """A pressure that follows and a body force: displacements, and forces between the nodes."""
-    raw = box((4.0, 1.0), (6, 2), simplices)
-    meshio.write_points_cells(tmp_path / "beam.vtu", raw.coordinates, {raw.cell_type: raw.cells})
-    content: dict[str, Any] = {
-        "name": "beam",
-        "mesh": {"kind": "file", "path": "beam.vtu"},
-        "material": {"young_modulus": 500, "poisson_ratio": 0.45},
-        "element": element,
-        "supports": [{"x": 0}],
-        "load": [
-            {"family": "pressure", "region": {"y": 1}, "range": [1, 2]},
-            {"family": "body_force", "range": [-1, 1]},
-        ],
-        "solver": {"relative_tolerance": 1e-12, "linear_solver": "lu"},
-        "dataset": {"samples": 2, "seed": 1, "test_fraction": 0.5},
-    }
-    case = tmp_path / "case.yaml"
-    case.write_text(yaml.safe_dump(content))
-    found = []
-    for ranks in (1, 2):
-        out = tmp_path / str(ranks)
-        result = execute(ranks, case, out, "--ranks-per-solve", str(ranks))
-        assert result.returncode == 0, result.stderr
-        found.append(read_shard(out / "shard-00000.h5", "nodal"))
+    found = both(tmp_path, element, simplices, "lu", SPREAD)
     for name in ("samples/displacement", "samples/force", "samples/force_between"):
         one, two = (arrays[name] for arrays in found)
         assert np.abs(one - two).max() < 1e-9 * np.abs(one).max(), name
     assert np.abs(found[0]["samples/displacement"]).max() > 0.05
 
 
-@pytest.mark.mpi
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "words",
     [
@@ -103,15 +89,13 @@ def test_distributed_loads_on_points_between(tmp_path: Path, element: str, simpl
 )
 def test_one_load_case(tmp_path: Path, words: list[str]) -> None:
     """Every field of `datagen solve`; one rank writes it, and says so once."""
-    fields = []
-    for ranks in (0, 2):
-        out = tmp_path / f"{ranks}.npz"
-        result = finish(datagen("solve", *words, "--stresses", "--out", out, ranks=ranks))
-        assert result.returncode == 0, result.stderr
-        assert result.stdout.count("largest displacement") == 1
-        with np.load(out) as arrays:
-            fields.append(dict(arrays))
-    for name, expected in fields[0].items():
-        if expected.dtype.kind == "f":
-            difference = np.abs(fields[1][name] - expected).max()
-            assert difference <= 1e-9 * np.abs(expected).max(), name
+    one, two = tmp_path / "one.npz", tmp_path / "two.npz"
+    assert main(["solve", *words, "--stresses", "--out", str(one)]) == 0
+    done = farm_runs.finish(farm_runs.datagen("solve", *words, "--stresses", "--out", two, ranks=2))
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("largest displacement") == 1
+    with np.load(one) as expected, np.load(two) as found:
+        for name in expected:
+            if expected[name].dtype.kind == "f":
+                difference = np.abs(found[name] - expected[name]).max()
+                assert difference <= 1e-9 * np.abs(expected[name]).max(), name

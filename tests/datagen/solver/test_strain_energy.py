@@ -80,7 +80,7 @@ def first_piola_kirchhoff(f: Matrix, lam: float, mu: float, volumetric: Volumetr
 
 
 def energy_density(f: Matrix, lam: float, mu: float, volumetric: Volumetric) -> float:
-    """W(F) as in the docstring of the module, with F₃₃ = 1 in plane strain."""
+    """W = μ/2 (tr FᵀF − 3 − 2 ln J) + U(J), with F₃₃ = 1 in plane strain."""
     full = np.eye(3)
     full[: len(f), : len(f)] = f
     j = np.linalg.det(full)
@@ -93,12 +93,6 @@ def energy_of(problem: EquilibriumProblem, gradient: Matrix) -> float:
     x = problem.mesh.coordinates
     problem.set_displacement(x @ gradient.T)
     return problem.energy() / float(np.prod(np.ptp(x, axis=0)))
-
-
-def test_lame_parameters() -> None:
-    """E = 500 Pa, ν = 0.4: λ = 200 / (1.4 · 0.2) = 714.2857… Pa, μ = 500 / 2.8 = 178.571… Pa."""
-    assert MATERIAL.lame_lambda == pytest.approx(714.2857142857, rel=1e-12)
-    assert MATERIAL.lame_mu == pytest.approx(178.5714285714, rel=1e-12)
 
 
 @pytest.fixture(params=[(2.0, 1.0), (2.0, 1.0, 1.5)])
@@ -135,50 +129,6 @@ def test_energy_derivative_is_the_stress(element: ProblemMaker, volumetric: Volu
         )
         differences[i, k] = (upward - downward) / (2 * step)
     assert differences == pytest.approx(stress, rel=1e-7, abs=1e-6)
-
-
-@BOTH
-def test_internal_forces_derive_from_the_energy(
-    make_problem: ProblemMaker, volumetric: Volumetric
-) -> None:
-    """f_int · v = dE(u + s v)/ds at random u and v on a distorted mesh, by central differences."""
-    problem = make_problem((4, 3), volumetric=volumetric, distortion=0.08)
-    random = np.random.default_rng(0)
-    u, v = random.normal(scale=0.03, size=(2, *problem.mesh.coordinates.shape))
-    step = 1e-5
-    energies = []
-    for sign in (1, -1):
-        problem.set_displacement(u + sign * step * v)
-        energies.append(problem.energy())
-    problem.set_displacement(u)
-    internal = problem.reactions()
-    difference = (energies[0] - energies[1]) / (2 * step)
-    assert float((internal * v).sum()) == pytest.approx(difference, rel=1e-7)
-
-
-@BOTH
-def test_tangent_is_the_derivative_of_the_internal_forces(
-    make_problem: ProblemMaker, volumetric: Volumetric
-) -> None:
-    """K v = d f_int(u + s v)/ds in the rows of free nodes, by central differences."""
-    problem = make_problem((4, 3), volumetric=volumetric, distortion=0.08)
-    free = problem.mesh.coordinates[:, 0] > 1e-9
-    random = np.random.default_rng(1)
-    u, v = random.normal(scale=0.03, size=(2, *problem.mesh.coordinates.shape)) * free[:, None]
-    step = 1e-6
-    forces = []
-    for sign in (1, -1):
-        problem.set_displacement(u + sign * step * v)
-        forces.append(problem.reactions())
-    difference = (forces[0] - forces[1]) / (2 * step)
-    problem.set_displacement(u)
-    matrix = problem.tangent()
-    x, product = matrix.createVecs()
-    x.array_w[:] = v[problem.numbering.node_of_block].ravel()
-    matrix.mult(x, product)
-    rows = free[problem.numbering.node_of_block]
-    found = product.array_r.reshape(-1, 2)[rows]
-    assert found == pytest.approx(difference[problem.numbering.node_of_block][rows], abs=1e-5)
 
 
 @BOTH
@@ -322,19 +272,6 @@ def test_ogdens_fractions() -> None:
     """An exponent that is no even number, the lateral faces free."""
     material = Ogden(mu=(200.0,), alpha=(1.3,), bulk_modulus=3000)
     test_uniaxial_stress(material, ogden((200.0, 1.3)), 1.7)
-
-
-@pytest.mark.parametrize(("material", "stresses"), MATERIALS, ids=NAMES)
-def test_moduli_at_rest(material: ShippedMaterial, stresses: Slope) -> None:
-    """∂P₁/∂λ₁ = λ + 2 μ and ∂P₁/∂λ₂ = λ at the undeformed body, by central differences."""
-    h = 1e-6
-    for axis, expected in (
-        (0, material.lame_lambda + 2 * material.lame_mu),
-        (1, material.lame_lambda),
-    ):
-        change = h * np.eye(3)[axis]
-        slope = (stresses(1 + change)[0] - stresses(1 - change)[0]) / (2 * h)
-        assert slope == pytest.approx(expected, rel=1e-6)
 
 
 def test_softer_than_rest_is_refused() -> None:

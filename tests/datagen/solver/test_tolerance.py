@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -16,6 +18,7 @@ from shared_schema.common.errors import InputError
 from shared_schema.materials import NeoHookean
 
 
+@cache
 def bent(
     length: float,
     modulus: float,
@@ -66,7 +69,7 @@ def test_the_same_body_of_any_size(
 
 @pytest.mark.parametrize("elements", [(12, 3), (12, 3, 3)])
 @pytest.mark.parametrize("linear_solver", ["lu", "corotated", "multigrid"])
-@pytest.mark.parametrize("force", [1e-20, 1e-9, 1e-3])
+@pytest.mark.parametrize("force", [1e-20, 1e-3])
 def test_small_loads_move_a_stiff_body_linearly(
     elements: tuple[int, ...], linear_solver: LinearSolver, force: float
 ) -> None:

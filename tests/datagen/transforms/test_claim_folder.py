@@ -26,7 +26,10 @@ def nodal(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "nodal"
 
 
-def test_a_folder_in_use_is_refused(nodal: Path, tmp_path: Path) -> None:
+def test_a_folder_in_use_is_refused(
+    nodal: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("shared_schema.common.folder_lock.WAIT", 0.1)
     out = tmp_path / "out"
     refused = pytest.raises(InputError, match="another run is working in it")
     with FolderLock(out), refused:
@@ -40,7 +43,7 @@ def test_a_folder_in_use_is_refused(nodal: Path, tmp_path: Path) -> None:
 def test_two_orders_at_once(nodal: Path, tmp_path: Path) -> None:
     """Whoever comes second waits or is refused; what is there in the end is whole."""
     out = tmp_path / "grid"
-    for _ in range(3):
+    for _ in range(2):
         orders = ["gmsh", "random"]
         steps = [start(datagen("structure", nodal, "--out", out, "--order", o)) for o in orders]
         said = [step.communicate(timeout=120)[1] for step in steps]

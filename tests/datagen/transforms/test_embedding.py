@@ -56,12 +56,12 @@ def distorted_box(dimension: int) -> RawMesh:
     return RawMesh(mesh.coordinates + inner[:, None] * moves, mesh.cells, mesh.cell_type)
 
 
-@pytest.fixture(params=["triangle", "tetra", "quad", "hexahedron"])
-def mesh(request: pytest.FixtureRequest, tmp_path: Path) -> RawMesh:
+@pytest.fixture(params=["triangle", "tetra", "quad", "hexahedron"], scope="module")
+def mesh(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> RawMesh:
     """A mesh of every type of cell, two of them with holes, two with distorted cells."""
     makers: dict[str, Callable[[], RawMesh]] = {
         "triangle": plate,
-        "tetra": lambda: cube(tmp_path),
+        "tetra": lambda: cube(tmp_path_factory.mktemp("cube")),
         "quad": lambda: distorted_box(2),
         "hexahedron": lambda: distorted_box(3),
     }

@@ -14,7 +14,6 @@ from matplotlib.image import imread
 from shared_schema.common.bodies.cells import boundary_facets, sharp_edges
 from shared_schema.common.drawing.drawing import (
     Drawing,
-    cells_of_faces,
     load_symbols,
     surface_edges,
     surface_faces,
@@ -346,12 +345,6 @@ def test_texts_do_not_meet(distance: int, texts: int) -> None:
     assert sum("1 N" in text.get_text() for text in drawing.axes.texts) == texts
 
 
-def test_no_force_no_arrow() -> None:
-    mesh = block("quad")
-    _, drawing = finished(mesh, np.zeros_like(mesh.coordinates))
-    assert not drawing.axes.texts
-
-
 def test_a_force_along_the_line_of_sight_is_drawn(tmp_path: Path) -> None:
     """It is a point on the paper, with its text."""
     mesh = block("hexahedron")
@@ -393,15 +386,6 @@ def test_only_edges_in_front_are_drawn_in_space(cell_type: str, parts: int) -> N
     (lines,) = drawing.axes.collections
     faces, nodes = (21 + 21 + 9) * parts, 65
     assert len(lines.get_paths()) == nodes + faces - 1
-
-
-@pytest.mark.parametrize("cell_type", ["triangle", "quad", "tetra", "hexahedron"])
-def test_cells_of_faces(cell_type: str) -> None:
-    """Every face has the corners of its cell."""
-    mesh = block(cell_type)
-    faces = surface_faces(mesh)
-    for face, cell in zip(faces, cells_of_faces(mesh, faces), strict=True):
-        assert set(face) <= set(mesh.cells[cell])
 
 
 def test_directions_of_cells() -> None:

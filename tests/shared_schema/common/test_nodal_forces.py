@@ -81,11 +81,6 @@ def test_wrong_form_of_a_load(text: str) -> None:
     assert f"'{text}'" in str(error.value)
 
 
-def test_plane_load_in_space() -> None:
-    with pytest.raises(InputError, match="expected X,Y,Z:FX,FY,FZ"):
-        PointLoad.parse("4,1:0,1", 3)
-
-
 @pytest.mark.parametrize(
     "text", ["4,1:nan,0", "4,1:0,inf", "-inf,1:0,1", "4,nan:0,1", "4,1:1e999,0"]
 )
@@ -94,25 +89,11 @@ def test_not_finite(text: str) -> None:
         PointLoad.parse(text, 2)
 
 
-def test_loads_at_one_node_add_up() -> None:
-    forces = nodal_forces(["4,1:0.5,-2", "4,0:1,0", "4,1:0.25,1"], COORDINATES, CLAMPED)
-    assert forces.tolist() == [[0, 0], [1, 0], [0.75, -1], [0, 0]]
-
-
-def test_no_load_is_no_force() -> None:
-    assert not nodal_forces([], COORDINATES, CLAMPED).any()
-
-
 def test_tolerance_is_a_ten_thousandth_of_the_size() -> None:
     # size 4 m, tolerance 4e-4 m
     assert nodal_forces(["4.0003,1:0,1"], COORDINATES, CLAMPED)[2].tolist() == [0, 1]
     with pytest.raises(InputError, match="no node stands there, the nearest is at 4,1"):
         nodal_forces(["4.0005,1:0,1"], COORDINATES, CLAMPED)
-
-
-def test_clamped_node() -> None:
-    with pytest.raises(InputError, match="'0,1:0,1': the node is clamped"):
-        nodal_forces(["4,1:0,1", "0,1:0,1"], COORDINATES, CLAMPED)
 
 
 def test_several_nodes_at_one_place() -> None:

@@ -1,6 +1,7 @@
 r"""Distributed loads act on all points of every element: patch tests, Lamé's sphere, a column.
 
 A patch test has a load under which a body of any cells takes a state that its elements contain.
+Pressures follow the surface; their derivative is that of differences.
 """
 
 from __future__ import annotations
@@ -15,11 +16,18 @@ from scipy.integrate import quad as integral
 from scipy.optimize import brentq, fsolve
 
 from datagen.discretisation.element import Element
-from datagen.mesh.distributed_mesh import distributed
+from datagen.mesh.distributed_mesh import distributed, make_mesh
+from datagen.mesh.geometries import Box
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings
+from shared_schema.common.bodies.cells import outward_facets
 from shared_schema.common.bodies.command_loads import CommandLoads, LoadedBody, command_loads
+from shared_schema.common.bodies.distributed_loads import (
+    area_vectors,
+    facet_derivatives,
+    pressure_forces,
+)
 from shared_schema.common.bodies.groups import RawMesh
 from shared_schema.common.bodies.points_between import PointsBetween
 from shared_schema.materials import NeoHookean
@@ -32,6 +40,11 @@ E, NU = 1000.0, 0.3  # Pa
 MU, LAMBDA = E / 2 / (1 + NU), E * NU / (1 + NU) / (1 - 2 * NU)
 MATERIAL = NeoHookean(young_modulus=E, poisson_ratio=NU, volumetric="quadratic")
 SETTINGS = SolverSettings(relative_tolerance=1e-13, linear_solver="lu")
+FACETS = {  # corners of one facet in space or in the plane
+    "edge": np.array([[0.0, 0.1], [1.0, 0.4]]),
+    "triangle": np.array([[0.0, 0.0, 0.1], [1.0, 0.2, 0.0], [0.1, 0.9, 0.3]]),
+    "quadrilateral": np.array([[0, 0, 0.1], [1, 0.2, 0], [1.1, 0.9, 0.3], [0, 1, 0.0]]),
+}
 
 
 def has_points_between(element: Element, simplices: bool) -> bool:
@@ -241,3 +254,34 @@ def test_column_under_its_weight(element: Element, simplices: bool) -> None:
     order = (2.5 if simplices else 3.9) if quadratic else 1.9
     assert np.log2(errors[0] / errors[1]) > order, errors
     assert errors[1] < (5e-5 if quadratic else 3e-3), errors
+
+
+@pytest.mark.parametrize("kind", sorted(FACETS))
+def test_derivative(kind: str) -> None:
+    """Central differences of the nodal forces of one facet, entry by entry."""
+    positions = FACETS[kind]
+    facets = np.arange(len(positions))[None]
+    found = facet_derivatives(positions, facets, 3.0)[0]
+    h, expected = 1e-6, np.empty_like(found)
+    for column, (node, axis) in enumerate(np.ndindex(positions.shape)):
+        change = np.zeros_like(positions)
+        change[node, axis] = h
+        upward = pressure_forces(positions + change, facets, 3.0)
+        downward = pressure_forces(positions - change, facets, 3.0)
+        expected[:, column] = ((upward - downward) / (2 * h)).ravel()
+    assert found == pytest.approx(expected, abs=1e-8)
+
+
+@pytest.mark.parametrize("elements", [(3, 2), (3, 2, 2)])
+def test_closed_surface_has_no_resultant(elements: tuple[int, ...]) -> None:
+    """∮ n dS = 0 and ∮ x · n dS = d V, whatever the direction in which cells are numbered."""
+    upper = (2.0, 1.0, 1.5)[: len(elements)]
+    mesh = make_mesh(Box(lower=(0,) * len(elements), upper=upper, elements=elements), MPI.COMM_SELF)
+    cells = mesh.cells.copy()
+    turned = [0, 3, 2, 1] if len(elements) == 2 else [4, 5, 6, 7, 0, 1, 2, 3]
+    cells[::2] = cells[::2][:, turned]
+    facets = outward_facets(mesh.coordinates, cells, mesh.cell_type)
+    areas = area_vectors(mesh.coordinates, facets)
+    assert areas.sum(axis=0) == pytest.approx(0, abs=1e-12)
+    volume = (areas * mesh.coordinates).sum()
+    assert volume == pytest.approx(len(elements) * np.prod(upper), rel=1e-12)
