@@ -19,7 +19,7 @@ from shared_schema.common.bodies.groups import RawMesh, group_arrays
 from shared_schema.common.bodies.points_between import PointsBetween
 from shared_schema.common.errors import InputError
 from shared_schema.loads import LoadsTogether
-from shared_schema.loads.placed_loads import nodes_of, placed_loads
+from shared_schema.loads.together import nodes_of, placed_loads
 from shared_schema.materials import ratio_at_rest
 
 
