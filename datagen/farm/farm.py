@@ -2,9 +2,9 @@
 
 The case determines which samples a shard holds. The ranks form groups, each with its own mesh. A
 group takes the next piece of work (a shard, near the end a part of one), solves its samples in
-turn, and its leader writes them. So the dataset does not depend on the number of groups or
-restarts, finished work is never repeated, and all groups end together. A complete dataset can grow:
-samples that are there are not solved again.
+turn, and its leader writes them; rank 0 puts the parts together at last. So the dataset does not
+depend on the number of groups or restarts, finished work is never repeated, and all groups end
+together. A complete dataset can grow: samples that are there are not solved again.
 """
 
 from __future__ import annotations
@@ -198,9 +198,6 @@ def _make_shards(
         if group.world.rank == 0:
             show()
 
-    def is_last(piece: Piece) -> bool:
-        return piece.of == 1 or desk.finish(piece.shard) == piece.of - 1
-
     wrong: InputError | None = None
     with Interruption() as interruption:
 
@@ -214,9 +211,7 @@ def _make_shards(
             position = group.agree(desk.take)
             if position >= len(pieces):
                 break
-            wrong = _make_piece(
-                case, journal, body, pieces[position], group, count, stopped, is_last
-            )
+            wrong = _make_piece(case, journal, body, pieces[position], group, count, stopped)
             if wrong is not None:  # on the ranks of this group only
                 desk.stop()
         desk.close(show)
@@ -239,12 +234,10 @@ def _make_piece(
     group: RankGroup,
     count: Callable[[bool], None],
     stopped: Callable[[], bool],
-    is_last: Callable[[Piece], bool],
 ) -> InputError | None:
     """Solve a piece and keep its solved samples, even if stopped (collective over the group).
 
-    The group that finishes the last piece of a shard merges the pieces and writes the shard. The
-    result is what is wrong with a load case that the family drew, if anything is.
+    The result is what is wrong with a load case that the family drew, if anything is.
     """
     job = ShardJob(case, body, piece.numbers)
     wrong = None
@@ -257,27 +250,17 @@ def _make_piece(
         if is_first and (job.done == FIRST or job.is_complete) and (text := job.size_warning()):
             logger.warning(text)
     if group.is_leader:
-        _keep(case, journal, body.mesh.cell_type, piece, job, is_last)
+        _keep(case, journal, body.mesh.cell_type, piece, job)
     return wrong
 
 
-def _keep(
-    case: Case,
-    journal: Journal,
-    cell_type: str,
-    piece: Piece,
-    job: ShardJob,
-    is_last: Callable[[Piece], bool],
-) -> None:
-    """Write the solved samples of a piece: as a part, or with all others as a shard."""
-    extends = journal.extends(piece.shard)
-    if job.done and (extends or not (job.is_complete and piece.of == 1)):
+def _keep(case: Case, journal: Journal, cell_type: str, piece: Piece, job: ShardJob) -> None:
+    """Write the solved samples of a piece: with those of before as a shard, or as a part of one."""
+    if job.is_complete and piece.of == 1 and not journal.extends(piece.shard):
+        shard = merged([*journal.parts(piece.shard), job.arrays()])
+        _write(case, journal, piece.shard, shard, cell_type)
+    elif job.done:
         journal.keep_part(piece.shard, job.arrays(), case, cell_type)
-    if extends or not (job.is_complete and is_last(piece)):
-        return
-    parts = journal.parts(piece.shard)
-    shard = merged([*parts, job.arrays()] if piece.of == 1 else parts)
-    _write(case, journal, piece.shard, shard, cell_type)
 
 
 def _write(case: Case, journal: Journal, shard: int, arrays: Arrays, cell_type: str) -> None:
@@ -322,14 +305,13 @@ def _solver_record(body: Body, comm: MPI.Comm) -> SolverRecord:
 
 
 def _finish(case: Case, journal: Journal, solver: SolverRecord | None) -> Manifest:
-    """Write stiffness and manifest, unless the dataset is complete already; remove the journal."""
+    """Write what is kept as parts, stiffness and manifest, if they are not there already.
+
+    The journal is removed.
+    """
     complete = _complete(case, journal)
-    for shard in (
-        k for k in range(shard_count(case)) if k not in complete
-    ):  # it grows, see Journal
-        path = journal.folder / shard_name(shard)
-        cell_type = str(read_attributes(path, "nodal")["cell_type"])
-        _write(case, journal, shard, merged(journal.parts(shard)), cell_type)
+    for shard in (k for k in range(shard_count(case)) if k not in complete):
+        _write(case, journal, shard, merged(journal.parts(shard)), journal.cell_type(shard))
     complete = _complete(case, journal)
     shards = tuple(complete[k] for k in range(shard_count(case)))
     manifest = journal.complete_manifest(shards)

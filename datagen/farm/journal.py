@@ -229,11 +229,17 @@ class Journal:
 
     def parts(self, shard: int) -> list[Arrays]:
         """Read the intact parts of an unfinished shard, and the shard that it was before."""
+        return [read_shard(path, "nodal") for path in self._paths(shard)]
+
+    def cell_type(self, shard: int) -> str:
+        """Type of the cells, as the parts of an unfinished shard have it."""
+        return str(read_attributes(self._paths(shard)[0], "nodal")["cell_type"])
+
+    def _paths(self, shard: int) -> list[Path]:
+        """The intact parts of an unfinished shard, after the shard that it was before."""
         parts = sorted(self._journal.glob(f"part-{shard:05d}-*.h5"))
-        paths = [path for path in parts if _is_intact(path)]
-        if self.extends(shard):
-            paths.insert(0, self.folder / shard_name(shard))
-        return [read_shard(path, "nodal") for path in paths]
+        before = [self.folder / shard_name(shard)] if self.extends(shard) else []
+        return [*before, *(path for path in parts if _is_intact(path))]
 
     def extends(self, shard: int) -> bool:
         """True if an unfinished shard has samples in the dataset that grows, which stay in it."""

@@ -7,8 +7,9 @@ so that any network will do. A rank ends itself when the program that started it
 daemon, has ended: Open MPI 5 leaves ranks behind when it loses a node.
 
 Pieces of work are first whole shards, then small pieces. A piece that is a whole shard is
-written once, directly. The small pieces at the end let all groups finish at almost the same time,
-at most the time of one small piece apart. A sample does not depend on the piece it is solved in.
+written once, directly; small pieces are kept, and put together when all are solved. They let all
+groups finish at almost the same time, at most the time of one small piece apart. A sample does not
+depend on the piece it is solved in.
 
 SIGINT and SIGTERM are recorded, so that the work can stop at a safe point.
 """
@@ -18,7 +19,6 @@ from __future__ import annotations
 import os
 import signal
 import time
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -65,9 +65,7 @@ class WorkDesk:
         self._parent = os.getppid()
         self.samples = self.failed = 0
         self.is_stopping = self._has_asked = self._is_told_to_stop = False
-        self._taken = 0
-        self._finished: Counter[int] = Counter()  # pieces, by shard
-        self._ended = 0
+        self._taken = self._ended = 0
         self._told = self._looked = time.monotonic()
         self._sent: list[MPI.Request] = []
 
@@ -75,18 +73,17 @@ class WorkDesk:
 
     def take(self) -> int:
         """Number of the next piece of work, from 0 (for leaders)."""
-        return self._ask("take", 0)
-
-    def finish(self, shard: int) -> int:
-        """Count a finished piece of a shard; return how many were finished before (for leaders)."""
-        return self._ask("finish", shard)
+        if self._is_keeper:
+            return self._next()
+        self._send("take")
+        return self._hear(ANSWER)
 
     def count(self, solved: bool) -> None:
         """Count a sample that is done (for leaders)."""
         self.samples += 1
         self.failed += not solved
         if not self._is_keeper and time.monotonic() - self._told > TELL:
-            self._send("count", 0)
+            self._send("count")
 
     def stop(self) -> None:
         """Ask all to stop."""
@@ -94,7 +91,7 @@ class WorkDesk:
             self._stop_all()
         elif not self._has_asked:
             self._has_asked = self.is_stopping = True
-            self._send("stop", 0)
+            self._send("stop")
 
     def look(self) -> None:
         """See what has come: questions to rank 0, which it answers, or a word to stop."""
@@ -120,7 +117,7 @@ class WorkDesk:
             for rank in range(1, self._comm.size):
                 self._comm.send(self.is_stopping, dest=rank, tag=CLOSED)
         else:
-            self._send("end", 0)
+            self._send("end")
             self.is_stopping = bool(self._hear(CLOSED))
             if self.is_stopping and self._comm.rank in self._leaders and not self._is_told_to_stop:
                 self._hear(STOP)
@@ -141,39 +138,30 @@ class WorkDesk:
         if self._comm.size > 1 and os.getppid() != self._parent:
             os._exit(FAILED)
 
-    def _send(self, word: str, number: int) -> None:
+    def _send(self, word: str) -> None:
         """Send a word to rank 0, and the counts since the last one."""
-        message = word, number, self.samples, self.failed
+        message = word, self.samples, self.failed
         self._sent = [request for request in self._sent if not request.Test()]
         self._sent.append(self._comm.isend(message, dest=0, tag=QUESTION))
         self.samples = self.failed = 0
         self._told = time.monotonic()
 
-    def _ask(self, word: str, number: int) -> int:
-        if self._is_keeper:
-            return self._reply(word, number)
-        self._send(word, number)
-        return self._hear(ANSWER)
-
     def _answer(self) -> None:
         """Receive one message on rank 0, and answer it if it is a question."""
         status = MPI.Status()
-        word, number, samples, failed = self._comm.recv(tag=QUESTION, status=status)
+        word, samples, failed = self._comm.recv(tag=QUESTION, status=status)
         self.samples += samples
         self.failed += failed
-        if word in ("take", "finish"):
-            self._comm.send(self._reply(word, number), dest=status.Get_source(), tag=ANSWER)
+        if word == "take":
+            self._comm.send(self._next(), dest=status.Get_source(), tag=ANSWER)
         elif word == "stop":
             self._stop_all()
         elif word == "end":
             self._ended += 1
 
-    def _reply(self, word: str, number: int) -> int:
-        if word == "take":
-            self._taken += 1
-            return self._taken - 1
-        self._finished[number] += 1
-        return self._finished[number] - 1
+    def _next(self) -> int:
+        self._taken += 1
+        return self._taken - 1
 
     def _stop_all(self) -> None:
         if not self.is_stopping:
