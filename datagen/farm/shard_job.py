@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from datagen.cases.body import Body
 from datagen.cases.case import Case
 from datagen.ranks import on_rank_zero
-from datagen.solver.load_stepping import solve_load_case
+from datagen.solver.load_stepping import SolveReport, solve_load_case
 from datagen.solver.tool_contact import INSIDE, touched
 from datagen.stability import with_stability
 from shared_schema.common.bodies.equilibrium import size_warning
@@ -22,34 +22,43 @@ from shared_schema.layout import NO_NODE, Arrays
 from shared_schema.loads import Load, Recorded
 from shared_schema.tools import Contact, Sphere
 
-COUNTS = ("converged_reason", "load_steps", "cutbacks", "newton_iterations")
+OF_REPORT = (  # datasets below ``samples/``, with attributes and types of a report
+    ("converged_reason", "reason", np.int64),
+    ("load_steps", "load_steps", np.int64),
+    ("cutbacks", "cutbacks", np.int64),
+    ("newton_iterations", "newton_iterations", np.int64),
+    ("residual_norm", "residual_norm", np.float64),
+    ("stable", "stable", np.bool_),
+)
 
 
 @dataclass(frozen=True)
-class Solved:
-    """A solved load case; its fields are the schema's datasets below ``samples/``."""
+class Result:
+    """A load case, solved or failed.
+
+    Attributes
+    ----------
+    number : int
+        Sample number.
+    load : Load
+    grip : array, (n_points, d), or None
+        Forces that hold prescribed displacements, in N; None of a dead load.
+    contact : Contact or None
+        Of the tool.
+    displacement : array, (n_nodes, d)
+        In m.
+    report : SolveReport
+    wall_time : float
+        In s.
+    """
 
     number: int
     load: Load
     grip: NDArray[np.float64] | None
     contact: Contact | None
     displacement: NDArray[np.float64]
-    counts: tuple[int, ...]
-    residual_norm: float
-    stable: bool
+    report: SolveReport
     wall_time: float
-
-
-@dataclass(frozen=True)
-class Failed:
-    """A load case without equilibrium; its fields are the schema's datasets below ``failed/``."""
-
-    number: int
-    load: Load
-    grip: NDArray[np.float64] | None
-    contact: Contact | None
-    load_factor: float
-    reason: str
 
 
 @dataclass
@@ -65,22 +74,29 @@ class ShardJob:
         Body of the group; `solve_next` is collective over its ranks.
     numbers : sequence of int
         Sample numbers of the load cases, in the order of solution.
-    solved : list of Solved
-        Results of the load cases solved so far.
-    failed : list of Failed
-        Load cases so far for which no equilibrium was found.
+    results : list of Result
+        Of the load cases so far.
     """
 
     case: Case
     body: Body
     numbers: Sequence[int]
-    solved: list[Solved] = field(default_factory=list)
-    failed: list[Failed] = field(default_factory=list)
+    results: list[Result] = field(default_factory=list)
 
     @property
     def done(self) -> int:
         """Number of load cases that are solved or failed."""
-        return len(self.solved) + len(self.failed)
+        return len(self.results)
+
+    @property
+    def solved(self) -> list[Result]:
+        """Results with an equilibrium."""
+        return [result for result in self.results if result.report.solved]
+
+    @property
+    def failed(self) -> list[Result]:
+        """Results without an equilibrium."""
+        return [result for result in self.results if not result.report.solved]
 
     @property
     def is_complete(self) -> bool:
@@ -117,13 +133,7 @@ class ShardJob:
             self.body.mesh.coordinates
         ):
             report = replace(report, solved=False, explanation="a node is inside the tool")
-        acted = number, load, grip, contact
-        if report.solved:
-            counts = report.reason, report.load_steps, report.cutbacks, report.newton_iterations
-            found = counts, report.residual_norm, report.stable, elapsed
-            self.solved.append(Solved(*acted, displacement, *found))
-        else:
-            self.failed.append(Failed(*acted, report.load_factor, report.explanation))
+        self.results.append(Result(number, load, grip, contact, displacement, report, elapsed))
         return report.solved
 
     def _put(self, tool: Sphere | None) -> None:
@@ -140,8 +150,8 @@ class ShardJob:
 
     def size_warning(self) -> str | None:
         """What is unusual about the size of the displacements so far, if anything is."""
-        displacement = np.array([solved.displacement for solved in self.solved])
-        what = f"the largest displacement of the first {len(self.solved)} samples"
+        displacement = np.array([result.displacement for result in self.solved])
+        what = f"the largest displacement of the first {len(displacement)} samples"
         return size_warning(displacement, self.body.mesh.coordinates, what)
 
     def arrays(self) -> dict[str, Any]:
@@ -153,29 +163,29 @@ class ShardJob:
         loaded_nodes, force = _pad(of_solved, width, dimension)
         failed_nodes, failed_force = _pad(of_failed, width, dimension)
         displacement = np.array([s.displacement for s in solved], dtype=np.float64)
-        counts = np.array([s.counts for s in solved], dtype=np.int64).reshape(-1, len(COUNTS))
         return {
             **body.shard_arrays(),
             "samples/number": np.array([s.number for s in solved], dtype=np.int64),
             "samples/loaded_nodes": loaded_nodes,
             "samples/force": force,
             "samples/displacement": displacement.reshape(-1, len(body.clamped), dimension),
-            **{f"samples/{name}": counts[:, i] for i, name in enumerate(COUNTS)},
-            "samples/residual_norm": np.array([s.residual_norm for s in solved], dtype=np.float64),
-            "samples/stable": np.array([s.stable for s in solved], dtype=bool),
+            **{
+                f"samples/{name}": np.array([getattr(s.report, of) for s in solved], dtype=kind)
+                for name, of, kind in OF_REPORT
+            },
             "samples/wall_time": np.array([s.wall_time for s in solved], dtype=np.float64),
             "failed/number": np.array([f.number for f in failed], dtype=np.int64),
             "failed/loaded_nodes": failed_nodes,
             "failed/force": failed_force,
-            "failed/load_factor": np.array([f.load_factor for f in failed], dtype=np.float64),
-            "failed/reason": np.array([f.reason for f in failed], dtype=object),
+            "failed/load_factor": np.array([f.report.load_factor for f in failed], float),
+            "failed/reason": np.array([f.report.explanation for f in failed], dtype=object),
             **self._between("samples", of_solved),
             **self._between("failed", of_failed),
             **self._pressures(),
             **self._poses(),
         }
 
-    def _recorded(self, result: Solved | Failed) -> Recorded:
+    def _recorded(self, result: Result) -> Recorded:
         """Forces that stand for the load of a sample."""
         load = result.load
         if result.grip is None:
@@ -210,13 +220,9 @@ class ShardJob:
     def _pressures(self) -> dict[str, Any]:
         """Pressures of the samples, if the case has some."""
         count = len(self.body.loads.surfaces)
-        results: dict[str, Sequence[Solved | Failed]] = {
-            "samples": self.solved,
-            "failed": self.failed,
-        }
         return {
             f"{group}/pressure": np.array([r.load.pressures for r in some]).reshape(-1, count)
-            for group, some in results.items()
+            for group, some in (("samples", self.solved), ("failed", self.failed))
             if count
         }
 
