@@ -147,21 +147,26 @@ class MinimumJ:
         return here if self._comm.size == 1 else float(self._comm.allreduce(here, op=MPI.MIN))
 
 
-class CellSums:
-    """Loops over the cells of one rank that sum up tangent and internal forces.
+class Assembly:
+    """Tangent and internal forces of a problem; every method is collective over its ranks.
 
     Parameters
     ----------
     forms : WeakForm
     unknowns : Unknowns
-    held, moved : array of int
-        Entries of the state, ghosts included, whose rows of the tangent are not summed; nor are
-        the columns of held ones.
+    held : array of int
+        Held entries of the state, ghosts included: the tangent has the rows and columns of the
+        identity there.
+    moved : array of int
+        Entries with a prescribed displacement, ghosts included: the tangent has the rows of the
+        identity there, and keeps their columns, so that a Newton step moves the rest of the body
+        with them.
 
     Attributes
     ----------
-    pattern : Sparsity
-        Of the tangent.
+    matrix : PETSc.Mat
+        Each rank holds the rows of the entries of the state that it owns. On one rank they are
+        compressed rows, whose values `assemble_tangent` changes in place.
     """
 
     def __init__(
@@ -171,131 +176,53 @@ class CellSums:
         held: NDArray[np.intp],
         moved: NDArray[np.intp],
     ) -> None:
-        dofs = unknowns.cell_dofs
-        block_size = unknowns.state.function_space.dofmap.index_map_bs
-        size = len(unknowns.state.x.array)
+        space, dofs, size = (
+            unknowns.state.function_space,
+            unknowns.cell_dofs,
+            len(unknowns.state.x.array),
+        )
+        block_size = space.dofmap.index_map_bs
         columns = np.zeros(size, dtype=bool)
         columns[held] = True
         rows = columns.copy()
         rows[moved] = True
-        self.pattern = sparsity(dofs, size, block_size, rows, columns)
+        pattern = sparsity(dofs, size, block_size, rows, columns)
         owned = rows[: unknowns.owned]
-        self._diagonal = self.pattern.diagonal[: unknowns.owned][owned]
+        self._diagonal = pattern.diagonal[: unknowns.owned][owned]
         self._forces = forms.loop(forms.internal, unknowns, dofs, size)
         # The last value takes the dropped entries.
-        count = len(self.pattern.indices) + 1
-        self._tangent = forms.loop(forms.tangent, unknowns, self.pattern.places, count)
-        self.tangent_values = self._tangent.values[:-1]
+        self._tangent = forms.loop(
+            forms.tangent, unknowns, pattern.places, len(pattern.indices) + 1
+        )
+        self._values = self._tangent.values[:-1]
+        self._compressed = pattern.indptr, pattern.indices, self._values
+        self._is_alone = space.mesh.comm.size == 1
+        if self._is_alone:
+            shape = size, size
+            self.matrix = PETSc.Mat().createAIJWithArrays(
+                shape, self._compressed, comm=PETSc.COMM_SELF
+            )
+            self.matrix.setBlockSize(block_size)
+        else:
+            product = ufl.inner(ufl.TrialFunction(space), ufl.TestFunction(space)) * ufl.dx
+            self.matrix = fem_petsc.create_matrix(form(product, COMPILER_OPTIONS))
 
-    def sum_forces(self) -> NDArray[np.float64]:
-        """f_int of the cells of this rank, in N, in the layout of the state."""
-        return self._forces.run()
-
-    def sum_tangent(self) -> NDArray[np.float64]:
-        """Values of the tangent of the cells of this rank in N/m, the identity in fixed rows."""
+    def assemble_tangent(self) -> None:
+        """Assemble the matrix at the current state in N/m, the identity in the fixed rows."""
         self._tangent.run()
-        self.tangent_values[self._diagonal] = 1.0
-        return self.tangent_values
-
-
-class SerialAssembly:
-    """Tangent and internal forces of a problem whose mesh lives on one rank.
-
-    Parameters
-    ----------
-    forms : WeakForm
-    unknowns : Unknowns
-    held : array of int
-        Held degrees of freedom: the tangent has the rows and columns of the identity there.
-    moved : array of int
-        Degrees of freedom with a prescribed displacement: the tangent has the rows of the identity
-        there, and keeps their columns, so that a Newton step moves the rest of the body with them.
-
-    Attributes
-    ----------
-    matrix : PETSc.Mat
-        Sequential, in compressed rows; `assemble_tangent` changes its values in place.
-    """
-
-    def __init__(
-        self,
-        forms: WeakForm,
-        unknowns: Unknowns,
-        held: NDArray[np.intp],
-        moved: NDArray[np.intp],
-    ) -> None:
-        size = unknowns.owned
-        self._sums = CellSums(forms, unknowns, held, moved)
-        pattern = self._sums.pattern
-        self.matrix = PETSc.Mat().createAIJWithArrays(
-            (size, size),
-            (pattern.indptr, pattern.indices, self._sums.tangent_values),
-            comm=PETSc.COMM_SELF,
-        )
-        self.matrix.setBlockSize(unknowns.state.function_space.dofmap.index_map_bs)
-
-    def assemble_tangent(self) -> None:
-        """Assemble the matrix at the current state, the identity in the fixed rows."""
-        self._sums.sum_tangent()
+        self._values[self._diagonal] = 1.0
+        if not self._is_alone:
+            self.matrix.zeroEntries()
+            rows = np.arange(len(self._compressed[0]) - 1, dtype=PETSc.IntType)  # local numbers
+            add = PETSc.InsertMode.ADD_VALUES
+            self.matrix.setValuesLocalIJV(*self._compressed, addv=add, rowmap=rows)
         self.matrix.assemble()
 
     def assemble_forces(self, b: PETSc.Vec) -> None:
         """Replace `b` by the internal forces at the current state, in N."""
-        b.array_w[:] = self._sums.sum_forces()
-
-
-class DistributedAssembly:
-    """Tangent and internal forces of a problem whose mesh is distributed.
-
-    Every method is collective over the ranks of the mesh.
-
-    Parameters
-    ----------
-    forms : WeakForm
-    unknowns : Unknowns
-    held : array of int
-        Held degrees of freedom of this rank, ghosts included: the tangent has the rows and columns
-        of the identity there.
-    moved : array of int
-        Those with a prescribed displacement, ghosts included: the tangent has the rows of the
-        identity there, and keeps their columns.
-
-    Attributes
-    ----------
-    matrix : PETSc.Mat
-        Distributed by rows: each rank holds those of the entries of the state that it owns.
-    """
-
-    def __init__(
-        self,
-        forms: WeakForm,
-        unknowns: Unknowns,
-        held: NDArray[np.intp],
-        moved: NDArray[np.intp],
-    ) -> None:
-        space = unknowns.state.function_space
-        self._sums = CellSums(forms, unknowns, held, moved)
-        indptr, indices = self._sums.pattern.indptr, self._sums.pattern.indices
-        # One row after the other, with local numbers.
-        self._rows = indptr, indices, np.arange(len(indptr) - 1, dtype=PETSc.IntType)
-        product = ufl.inner(ufl.TrialFunction(space), ufl.TestFunction(space)) * ufl.dx
-        self.matrix = fem_petsc.create_matrix(form(product, COMPILER_OPTIONS))
-
-    def assemble_tangent(self) -> None:
-        """Assemble the matrix at the current state, the identity in the fixed rows."""
-        indptr, indices, rows = self._rows
-        self.matrix.zeroEntries()
-        self.matrix.setValuesLocalIJV(
-            indptr,
-            indices,
-            self._sums.sum_tangent(),
-            addv=PETSc.InsertMode.ADD_VALUES,
-            rowmap=rows,
-        )
-        self.matrix.assemble()
-
-    def assemble_forces(self, b: PETSc.Vec) -> None:
-        """Replace `b` by the internal forces at the current state, in N."""
+        if self._is_alone:
+            b.array_w[:] = self._forces.run()
+            return
         with b.localForm() as local:
-            local.array_w[:] = self._sums.sum_forces()
+            local.array_w[:] = self._forces.run()
         b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)

@@ -38,7 +38,7 @@ from datagen.discretisation.unknowns import Unknowns
 from datagen.dolfinx_versions import create_vector
 from datagen.mesh.distributed_mesh import Mesh
 from datagen.solver.acting_load import ActingLoad
-from datagen.solver.assembly import DistributedAssembly, MinimumJ, SerialAssembly
+from datagen.solver.assembly import Assembly, MinimumJ
 from datagen.solver.corotation import Corotation
 from datagen.solver.linear_solver import chosen_solver
 from datagen.solver.load_series import LoadSeries
@@ -148,10 +148,8 @@ class EquilibriumProblem:
             self.unknowns, held, np.zeros_like(held) if moved is None else moved
         )
         self.load = ActingLoad(mesh, self.unknowns, self.supports, surfaces)
-        self._assembly: SerialAssembly | DistributedAssembly
-        assembly = SerialAssembly if self.comm.size == 1 else DistributedAssembly
         fixed = self.supports.held_dofs, self.supports.moved_dofs
-        self._assembly = assembly(self.forms, self.unknowns, *fixed)
+        self._assembly = Assembly(self.forms, self.unknowns, *fixed)
         self.matrix = self._assembly.matrix
         self._min_j = MinimumJ(self.unknowns, self.kind)
         to_one = np.zeros((len(self.unknowns.cell_dofs), 1), dtype=np.int32)
