@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from shared_schema.common.errors import InputError
-from surrogate.page.surface import GAP, TICK, support_marks, surface_of
+from surrogate.page.surface import surface_of
 from tests.surrogate.mechanics.bodies import box
 
 NX, NY, NZ = 5, 3, 3  # nodes of the box in space
@@ -36,31 +36,6 @@ def test_supports_in_single_components() -> None:
     held = np.repeat(geometry.clamped[:, None], 2, axis=1)
     held[:, 1] |= geometry.coordinates[:, 1] == geometry.coordinates[:, 1].min()
     assert len(surface_of(replace(geometry, single=held)).supports) == 6 + 3
-
-
-@pytest.mark.parametrize("cell_type", ["quad", "hexahedron"])
-def test_marks_of_supports_lie_outside(cell_type: str) -> None:
-    """The side x = 0 is held: marks are at x < 0, ticks as far apart as 3/4 of their width."""
-    geometry = box(cell_type)
-    supports = surface_of(geometry).supports
-    marks = support_marks(geometry, supports)
-    diagonal = float(np.linalg.norm(np.ptp(geometry.coordinates, axis=0)))
-    assert marks["lines"][..., 0].max() == pytest.approx(-GAP * diagonal)
-    assert marks["points"].shape == (0, 3)
-    if cell_type == "quad":
-        edge = float(np.ptp(geometry.coordinates[supports[0], 1]))
-        ticks = max(1, round(edge / (0.75 * TICK * diagonal)))
-        assert marks["lines"].shape == (len(supports) * (1 + ticks), 2, 3)
-        assert marks["faces"].size == 0
-    else:
-        np.testing.assert_allclose(marks["faces"][..., 0], -GAP * diagonal)
-        assert len(marks["lines"]) == 3 * len(supports)
-
-
-def test_held_points_are_marked_where_no_side_is_held() -> None:
-    geometry = box("quad")
-    marks = support_marks(geometry, surface_of(geometry).supports[:0])
-    np.testing.assert_array_equal(marks["points"][:, :2], geometry.coordinates[geometry.clamped])
 
 
 @pytest.mark.parametrize("cell_type", ["hexahedron", "tetra"])

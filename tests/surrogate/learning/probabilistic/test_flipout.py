@@ -340,9 +340,8 @@ def test_gradient_of_the_spread() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("divergence", ["closed", "sampled"])
-def test_compiled_passes_differ_and_have_the_same_moments(divergence: str) -> None:
-    layer, x = layer_of(2, biases=True, kl_divergence=divergence), input_of(2, 2)
+def test_compiled_passes_differ_and_have_the_same_moments() -> None:
+    layer, x = layer_of(2, biases=True, kl_divergence="sampled"), input_of(2, 2)
     compiled = torch.compile(layer)
     found = outputs(compiled, x)
     assert len(set(found[:, 0, 0].tolist())) == PASSES
@@ -356,7 +355,7 @@ def test_compiled_passes_differ_and_have_the_same_moments(divergence: str) -> No
     assert torch.equal(first[0], again[0])
     assert torch.equal(first[1], again[1])
     assert not torch.equal(first[0], other[0])
-    assert torch.equal(first[1], other[1]) == (divergence == "closed")
+    assert not torch.equal(first[1], other[1])
 
 
 def test_random_signs() -> None:
