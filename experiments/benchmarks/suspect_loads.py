@@ -6,7 +6,6 @@ Each kind is drawn on the surface of any body, about the size of the loads of it
 from __future__ import annotations
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from surrogate.learning.inference import Surrogate, drawn_loads
@@ -123,8 +122,7 @@ def critical_factor(body: Equilibrium, force: Array) -> float:
 
 def is_stable(body: Equilibrium, u: Array) -> bool:
     """Whether no cell is inverted and K(u) is positive definite, u (n_points, d) in m."""
-    one = torch.from_numpy(u[None])
     if body.inverted(u[None])[0]:
         return False
-    (tangent,) = body.layout.assembled(body.solid.cell_tangents(one))
+    (tangent,) = body.layout.assembled(body.solid.compiled.cell_tangents(u[None]))
     return body.layout.factor(tangent) is not None

@@ -1,7 +1,7 @@
 r"""Programs of laws, run on rows of points with truncated power series, in compiled loops.
 
 Order 0 of every slot is its value, order 1 beside it a derivative; series have more orders. The
-coefficients of a product, and of the functions by the table of `surrogate.mechanics.energy.tape`,
+coefficients of a product, and of the functions (`surrogate.mechanics.energy.recording`),
 are sums of products of those before, so that one loop over a row is the only one that matters.
 """
 
@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from shared_schema.materials import ZERO
 from surrogate.mechanics.compiled.fields import Array, inner
-from surrogate.mechanics.compiled.program import EXP, LN, ONE, POWER, STEP, SUM, Numbers, Programs
+from surrogate.mechanics.compiled.program import EXP, LN, POWER, STEP, SUM, Numbers, Programs
+from surrogate.mechanics.energy.tape import ONE
 
 Flags = NDArray[np.bool_]
 

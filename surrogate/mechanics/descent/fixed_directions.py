@@ -32,9 +32,9 @@ from surrogate.mechanics.descent.directions import (
 from surrogate.mechanics.equilibrium.compliance import DENSE
 from surrogate.mechanics.equilibrium.linear_response import LinearResponse
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
-from surrogate.mechanics.solids.changes import Stresses
-from surrogate.mechanics.solids.deformation import determinant, product
+from surrogate.mechanics.solids.deformation import determinant
 from surrogate.mechanics.solids.solid import Solid
+from surrogate.mechanics.solids.stress_path import StressPath
 
 PARTS = (1.0, 0.5, 0.25, 0.125)  # of a direction
 Pair = tuple[Tensor, Tensor, Tensor]
@@ -149,12 +149,17 @@ class FixedDirections(nn.Module):
 
     def _out_of_balance(self, h: Tensor, f: Tensor) -> Tensor:
         """Out-of-balance forces r in N, of displacement gradients."""
-        stresses = Stresses(self.solid, self.solid.at(self.solid.identity + h))
-        return self.solid.forces_of(stresses.stress) * self.free - f
+        path = StressPath(self.solid, (self.solid.identity + h)[:, :, None])
+        return self.solid.forces_of(path.stress[:, :, 0]) * self.free - f
 
     def _inside(self, h: Tensor) -> Tensor:
         """Whether no cell is inverted: (d, d, n_cells, N, n_points) → (N,)."""
         return (determinant(self.solid.identity + h) > 0).all(2).all(0)
+
+
+def product(a: Tensor, b: Tensor) -> Tensor:
+    """Matrix products A B: (d, d, …) twice → same."""
+    return (a[:, :, None] * b).sum(1)
 
 
 def require_exportable(equilibrium: Equilibrium, count: int) -> None:

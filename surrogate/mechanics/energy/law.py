@@ -19,63 +19,50 @@ in space; in the plane :math:`\bar I_1 - 1 = r^2 (I_1 - 1)` and :math:`\bar K_4 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
-from itertools import combinations_with_replacement
 
-import sympy  # type: ignore[import-untyped]
-
-from shared_schema.materials import FibreInvariants, Invariants, Material, Scalar
-from surrogate.mechanics.energy.tape import Tape, Values, positive
+from shared_schema.materials import FibreInvariants, Invariants, Material
+from surrogate.mechanics.energy.recording import Recording, Value
+from surrogate.mechanics.energy.tape import Tape, tape_of
 
 FIRST, SECOND, VOLUME, DILATION, FIBRES = range(5)  # numbers of I₁, I₂, J, θ, and of the first I₄
 
 
-class Symbolic:
-    """Functions of SymPy's expressions (`shared_schema.materials.Functions`)."""
-
-    def ln(self, x: Scalar, /) -> Scalar:
-        """Natural logarithm."""
-        return sympy.log(x)
-
-    def exp(self, x: Scalar, /) -> Scalar:
-        """Exponential function."""
-        return sympy.exp(x)
-
-    def positive(self, x: Scalar, /) -> Scalar:
-        """Return max(x, 0)."""
-        return positive(x)
-
-
 @dataclass(frozen=True)
 class Law:
-    """Energy of one material as tapes of its measures.
+    """Energy of one material, recorded.
 
     Attributes
     ----------
-    count : int
-        Number m of the measures: I₁, I₂, J, θ, then I₄ and K₄ of every family.
-    stress : Tape
-        Derivatives by the measures, in Pa: m outputs.
-    energy : Tape
-        The energy in J/m³, then these derivatives, then the second ones, (a, b) with a ≤ b in
-        lexical order.
+    recording : Recording
+        Of the m measures: I₁, I₂, J, θ, then I₄ and K₄ of every family.
+    outputs : list of Value
+        The energy in J/m³, and its derivatives by the measures in Pa.
     """
 
-    count: int
-    stress: Tape
-    energy: Tape
+    recording: Recording
+    outputs: list[Value]
+
+    @property
+    def count(self) -> int:
+        """Number m of the measures."""
+        return self.recording.count
+
+    @cached_property
+    def energy(self) -> Tape:
+        """The outputs."""
+        return tape_of(self.recording, self.outputs)
+
+    @cached_property
+    def stress(self) -> Tape:
+        """The derivatives."""
+        return tape_of(self.recording, self.outputs[1:])
 
     @cached_property
     def families(self) -> int:
         """Number of the families of fibres."""
         return (self.count - FIBRES) // 2
-
-    @cached_property
-    def pairs(self) -> list[tuple[int, int]]:
-        """Measures (a, b) of the second derivatives."""
-        return list(combinations_with_replacement(range(self.count), 2))
 
     @property
     def at_rest(self) -> list[float]:
@@ -87,20 +74,10 @@ class Law:
         """Energy of the undeformed body in J/m³."""
         return float(self.energy(self.at_rest)[0])
 
-    def second(self, outputs: Sequence[Values]) -> dict[tuple[int, int], Values]:
-        """Second derivatives that are not zero, of the outputs of `energy`."""
-        found = zip(self.pairs, outputs[1 + self.count :], strict=True)
-        return {pair: value for pair, value in found if not is_zero(value)}
-
-
-def is_zero(value: Values) -> bool:
-    """Whether a value is the number zero, for any measures."""
-    return isinstance(value, float) and value == 0
-
 
 @cache
 def law_of(material: Material, dimension: int, projected: bool = False) -> Law:
-    """Differentiate the energy of a material.
+    """Record the energy of a material, and its derivatives.
 
     Parameters
     ----------
@@ -110,31 +87,27 @@ def law_of(material: Material, dimension: int, projected: bool = False) -> Law:
     projected : bool
         Whether the element finds θ by itself.
     """
-    families = material.family_count
-    names = "I1 I2 J theta" + "".join(f" I4_{i} K4_{i}" for i in range(families))
-    measures = sympy.symbols(names, positive=True)
-    i1, i2, j, dilation, *of_fibres = measures
+    count = FIBRES + 2 * material.family_count
+    recording = Recording(count)
+    i1, i2, j, dilation, *of_fibres = recording.inputs
     stretches, areas = of_fibres[::2], of_fibres[1::2]
     if dimension == 2:
         i2 = i1 - 1 + j**2
     if projected:
-        squared = (dilation / j) ** sympy.Rational(2, dimension)  # r²
+        squared = (dilation / j) ** (2 / dimension)  # r²
         i1 = squared * i1 if dimension == 3 else squared * (i1 - 1) + 1
         i2 = squared**2 * i2 if dimension == 3 else i1 - 1 + dilation**2
         stretches = [squared * each for each in stretches]
         areas = [squared ** (dimension - 1) * each for each in areas]
         j = dilation
     fibres = tuple(map(FibreInvariants, stretches, areas))
-    energy = sympy.sympify(material.energy(Invariants(i1, i2, j, fibres), Symbolic()))
-    first = [sympy.diff(energy, measure) for measure in measures]
-    pairs = combinations_with_replacement(range(len(measures)), 2)
-    second = [sympy.diff(first[a], measures[b]) for a, b in pairs]
-    count = len(measures)
-    law = Law(count, Tape.of(first, measures), Tape.of([energy, *first, *second], measures))
-    if projected or families:
-        return law
-    # What rounding errors leave of the energy and stress of the undeformed body is taken from them.
-    rest, by_i1, by_i2, by_j, *_ = law.energy(law.at_rest)
-    left = float(2 * by_i1 + (4 * by_i2 if dimension == 3 else 0.0) + by_j)
-    whole = law.energy.shifted(0, -float(rest)).shifted(1 + VOLUME, -left)
-    return Law(count, law.stress.shifted(VOLUME, -left), whole)
+    energy = material.energy(Invariants(i1, i2, j, fibres), recording)
+    first = recording.gradient(energy)
+    if not (projected or material.family_count):
+        # What rounding errors leave of the energy and stress of the undeformed body is taken away.
+        at_rest = [3.0, 3.0, 1.0, 1.0]
+        rest, by_i1, by_i2, by_j, _ = tape_of(recording, [energy, *first])(at_rest)
+        energy = energy - float(rest)
+        left = 2 * by_i1 + (4 * by_i2 if dimension == 3 else 0.0) + by_j
+        first[VOLUME] = first[VOLUME] - float(left)
+    return Law(recording, [energy, *first])

@@ -1,300 +1,153 @@
-r"""A strain energy and its derivatives as one list of scalar operations: a *tape*.
+r"""A list of operations in which those that add and multiply are merged: a *tape*.
 
-The energy :math:`ψ(I_1, I_2, J, …)` of a material (`shared_schema.materials`) is differentiated by
-SymPy, once, and what its derivatives have in common is computed once. The result is data: what runs
-it, with numbers, tensors or power series, is the same for every material, a user's own among them.
-
-The coefficients of the power series of a result y of a and b are, for k ≥ 1,
-
-.. math::
-    y_k = \frac{∂y}{∂a} a_k + \frac{∂y}{∂b} b_k + \sum_{j=1}^{k-1} w_{jk} \, a_j z_{k-j}
-
-with the derivatives at the coefficients of order 0, and z = y, or z = b in a product:
-
-==========  ====================  ==================  =====================
-operation   value                 derivatives         weight :math:`w_{jk}`
-==========  ====================  ==================  =====================
-SUM         a + b                 1, 1                0
-SCALE       c a                   c                   0
-SHIFT       a + c                 1                   0
-PRODUCT     a b                   b₀, a₀              1
-POWER       y = a^c               c y₀ / a₀           (c j − k + j) / (k a₀)
-EXP         y = exp a             y₀                  j / k
-LN          y = ln a              1 / a₀              (j − k) / (k a₀)
-POSITIVE    max(a, 0)             1 if a₀ ≥ 0, or 0   0
-STEP        1 if a ≥ 0, or 0      0                   0
-==========  ====================  ==================  =====================
-
-A number above −`shared_schema.materials.ZERO` counts as no less than 0, as in the energy itself.
+What runs it, with numbers, tensors or power series, in compiled loops or not, is the same for every
+material.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from enum import IntEnum
-from functools import cached_property
-from types import ModuleType
-from typing import Any, NamedTuple, TypeAlias
+from collections.abc import Sequence
+from typing import TypeAlias
 
-import numpy as np
-import sympy  # type: ignore[import-untyped]
-from numpy.typing import NDArray
+from surrogate.mechanics.energy.recording import (
+    FUNCTIONS,
+    Operation,
+    Recorded,
+    Recording,
+    Value,
+    is_zero,
+)
 
-from shared_schema.materials import ZERO
-
-Values: TypeAlias = Any  # numbers, arrays or tensors
-FACTORS = 8  # most factors of a whole power that are multiplied one after the other
-WHOLE = 1e-12  # largest distance of an exponent from a whole number that is a rounding error
+Terms: TypeAlias = list[tuple[int, int, float]]  # of a sum of products: two slots and a factor
+ONE = 0  # slot of the number 1 in a tape
 
 
-class Operation(IntEnum):
-    """Operations of a tape."""
-
-    SUM = 0
-    SCALE = 1
-    SHIFT = 2
-    PRODUCT = 3
-    POWER = 4
-    EXP = 5
-    LN = 6
-    POSITIVE = 7
-    STEP = 8
-
-
-class Rule(NamedTuple):
-    """What an operation of a and b finds, with a constant c.
-
-    Attributes
-    ----------
-    value : callable
-        y of a, b, c and the library of their functions.
-    slopes : callable
-        Derivatives of y by a and b, of numbers a, b, y and c.
-    weight : callable, or None if there are no products
-        Weight of the product of order (j, k - j), of j, k, and numbers a and c.
-    """
-
-    value: Callable[[Values, Values, float, Any], Values]
-    slopes: Callable[[float, float, float, float], tuple[float, float]]
-    weight: Callable[[int, int, float, float], float] | None = None
-
-
-def _is_positive(a: Values) -> Values:
-    return a > -ZERO
-
-
-RULES = {
-    Operation.SUM: Rule(lambda a, b, c, of: a + b, lambda a, b, y, c: (1.0, 1.0)),
-    Operation.SCALE: Rule(lambda a, b, c, of: c * a, lambda a, b, y, c: (c, 0.0)),
-    Operation.SHIFT: Rule(lambda a, b, c, of: a + c, lambda a, b, y, c: (1.0, 0.0)),
-    Operation.PRODUCT: Rule(
-        lambda a, b, c, of: a * b, lambda a, b, y, c: (b, a), lambda j, k, a, c: 1.0
-    ),
-    Operation.POWER: Rule(
-        lambda a, b, c, of: 1 / a if c == -1 else a**c,
-        lambda a, b, y, c: (c * y / a, 0.0),
-        lambda j, k, a, c: (c * j - k + j) / (k * a),
-    ),
-    Operation.EXP: Rule(
-        lambda a, b, c, of: of.exp(a), lambda a, b, y, c: (y, 0.0), lambda j, k, a, c: j / k
-    ),
-    Operation.LN: Rule(
-        lambda a, b, c, of: of.log(a),
-        lambda a, b, y, c: (1 / a, 0.0),
-        lambda j, k, a, c: (j - k) / (k * a),
-    ),
-    Operation.POSITIVE: Rule(
-        lambda a, b, c, of: a * _is_positive(a),
-        lambda a, b, y, c: (float(_is_positive(a)), 0.0),
-    ),
-    Operation.STEP: Rule(lambda a, b, c, of: 1.0 * _is_positive(a), lambda a, b, y, c: (0.0, 0.0)),
-}
-
-
-class step(sympy.Function):  # type: ignore[misc]  # noqa: N801 - as it is printed
-    """Derivative of `positive`: 1 where the argument is not negative, else 0."""
-
-    def fdiff(self, argindex: int = 1) -> sympy.Expr:
-        """Zero."""
-        return sympy.Integer(0)
-
-
-class positive(sympy.Function):  # type: ignore[misc]  # noqa: N801
-    """The larger one of the argument and 0."""
-
-    def fdiff(self, argindex: int = 1) -> sympy.Expr:
-        """The step."""
-        return step(self.args[0])
-
-
-@dataclass(frozen=True)
 class Tape:
-    """Operations on slots: first the inputs, then the result of every operation.
+    r"""Operations that some outputs depend on, in which those that add and multiply are merged.
+
+    A result is :math:`y = \sum_t f_t a_t b_t`, with numbers f and slots a and b, or a function of
+    one slot. Slot 0 is the number 1, the inputs follow.
+
+    Parameters
+    ----------
+    recording : Recording
+    outputs : sequence of Value
+        Recorded numbers; others are the same whatever the inputs are.
+    inputs : sequence of int, optional
+        Slots of the inputs; 1, 2, … by default.
+    first : int, optional
+        Slot of the first result; the one after the inputs by default.
 
     Attributes
     ----------
-    inputs : int
-        Number of inputs.
-    codes : array of int, (n,)
-        `Operation` of every result.
-    left, right : array of int, (n,)
-        Slots that it takes; `right` has no meaning for operations of one.
-    constants : array, (n,)
-        c.
-    outputs : array of int, (m,)
-        Slot of every output; −1 if it is the same number whatever the inputs are.
-    fixed : array, (m,)
-        These numbers; 0 for others.
+    rows : list of (Operation, Terms)
+        `SUM`, or a function of the left slot of its only term, with the factor as its constant.
+    outputs : list of (int, float)
+        Slot of every output; of one that is always the same, −1, and the number.
     """
 
-    inputs: int
-    codes: NDArray[np.int64]
-    left: NDArray[np.int64]
-    right: NDArray[np.int64]
-    constants: NDArray[np.float64]
-    outputs: NDArray[np.int64]
-    fixed: NDArray[np.float64]
+    def __init__(
+        self,
+        recording: Recording,
+        outputs: Sequence[Value],
+        inputs: Sequence[int] | None = None,
+        first: int | None = None,
+    ) -> None:
+        given = range(1, 1 + recording.count) if inputs is None else inputs
+        self.first, self.rows = first or 1 + len(given), list[tuple[Operation, Terms]]()
+        found = [each.slot for each in outputs if isinstance(each, Recorded)]
+        self._uses = recording.uses(found)
+        self._place = dict(enumerate(given))  # of recorded slots
+        self._sums: dict[int, dict[tuple[int, int], float]] = {}  # of those that are sums
+        for slot, (code, a, b, c) in enumerate(recording.rows, start=recording.count):
+            if self._uses[slot]:
+                self._sum(slot, code, a, b, c)
+        self.outputs = [
+            (self._written(each.slot), 0.0) if isinstance(each, Recorded) else (-1, float(each))
+            for each in outputs
+        ]
 
-    def __call__(self, inputs: Sequence[Values], library: ModuleType = np) -> list[Values]:
-        """Run the tape on numbers, arrays or tensors; outputs that are fixed are numbers.
+    def __call__(self, inputs: Sequence[Value]) -> list[Value]:
+        """Run on numbers, arrays, tensors, series or recorded numbers in the slots from 1 on."""
+        slots = [1.0, *inputs]
+        for code, terms in self.rows:
+            if code == Operation.SUM:
+                slots.append(sum_of_products([(slots[a], slots[b], c) for a, b, c in terms]))
+            else:
+                ((a, _, c),) = terms
+                slots.append(FUNCTIONS[code](slots[a], c))
+        return [number if slot < 0 else slots[slot] for slot, number in self.outputs]
 
-        Parameters
-        ----------
-        inputs : sequence of values
-        library : module
-            NumPy, or PyTorch for tensors.
-        """
-        slots = self.slots(inputs, library)
-        return [number if slot < 0 else slots[slot] for slot, number in self.places]
+    def _sum(self, slot: int, code: Operation, a: int, b: int, c: float) -> None:
+        """Know the terms of a slot, or write a function."""
+        if code == Operation.SUM:
+            self._sums[slot] = _added(self._terms(a), self._terms(b))
+        elif code == Operation.SCALE:
+            self._sums[slot] = {pair: c * factor for pair, factor in self._terms(a).items()}
+        elif code == Operation.SHIFT:
+            self._sums[slot] = _added(self._terms(a), {(ONE, ONE): c})
+        elif code == Operation.PRODUCT:
+            (one, x), (other, y) = self._scaled(a), self._scaled(b)
+            self._sums[slot] = {(min(one, other), max(one, other)): x * y}
+        else:
+            self._place[slot] = self._row(code, [(self._written(a), ONE, c)])
 
-    def slots(self, inputs: Sequence[Values], library: ModuleType = np) -> list[Values]:
-        """Values of the inputs and of all operations."""
-        found = list(inputs)
-        for code, left, right, constant in self.rows:
-            found.append(RULES[code].value(found[left], found[right], constant, library))
-        return found
+    def _terms(self, slot: int) -> dict[tuple[int, int], float]:
+        """A slot as a sum, of its own terms if nothing else takes it or they are few."""
+        terms = self._sums.get(slot)
+        if terms is not None and slot not in self._place:
+            is_multiple = len(terms) == 1 and ONE in next(iter(terms))
+            if self._uses[slot] == 1 or is_multiple:
+                return terms
+        return {(ONE, self._written(slot)): 1.0}
 
-    @cached_property
-    def rows(self) -> list[tuple[Operation, int, int, float]]:
-        """Operation, slots and constant of every result, in turn."""
-        rows = (self.codes, self.left, self.right, self.constants)
-        found = zip(*(row.tolist() for row in rows), strict=True)
-        return [(Operation(code), left, right, constant) for code, left, right, constant in found]
+    def _scaled(self, slot: int) -> tuple[int, float]:
+        """A slot as a multiple of a written one."""
+        terms = self._sums.get(slot, {})
+        if len(terms) == 1:
+            ((one, other), factor), *_ = terms.items()
+            if one == ONE:
+                return other, factor
+        return self._written(slot), 1.0
 
-    @cached_property
-    def places(self) -> list[tuple[int, float]]:
-        """Slot and fixed number of every output."""
-        return list(zip(self.outputs.tolist(), self.fixed.tolist(), strict=True))
+    def _written(self, slot: int) -> int:
+        """The place of a slot, whose row is written if it is not."""
+        if slot not in self._place:
+            terms = [(a, b, factor) for (a, b), factor in self._sums[slot].items()]
+            self._place[slot] = self._row(Operation.SUM, terms)
+        return self._place[slot]
 
-    def shifted(self, output: int, constant: float) -> Tape:
-        """The tape with a number added to an output."""
-        slot = int(self.outputs[output])
-        if slot < 0:
-            fixed = self.fixed.copy()
-            fixed[output] += constant
-            return replace(self, fixed=fixed)
-        outputs = self.outputs.copy()
-        outputs[output] = self.inputs + len(self.codes)
-        return replace(
-            self,
-            codes=np.append(self.codes, int(Operation.SHIFT)),
-            left=np.append(self.left, slot),
-            right=np.append(self.right, 0),
-            constants=np.append(self.constants, constant),
-            outputs=outputs,
-        )
-
-    @classmethod
-    def of(cls, expressions: Sequence[sympy.Expr], inputs: Sequence[sympy.Symbol]) -> Tape:
-        """Make the tape of some expressions of the inputs."""
-        common, reduced = sympy.cse(list(expressions), symbols=sympy.numbered_symbols("t"))
-        writer = _Writer(inputs)
-        for symbol, expression in common:
-            writer.slots[symbol] = writer.slot(expression)
-        outputs, fixed = [], []
-        for expression in reduced:
-            constant = bool(expression.is_number)
-            outputs.append(-1 if constant else writer.slot(expression))
-            fixed.append(float(expression) if constant else 0.0)
-        rows = writer.rows
-        return cls(
-            len(inputs),
-            np.array([row[0] for row in rows], np.int64),
-            np.array([row[1] for row in rows], np.int64),
-            np.array([row[2] for row in rows], np.int64),
-            np.array([row[3] for row in rows], np.float64),
-            np.array(outputs, np.int64),
-            np.array(fixed),
-        )
+    def _row(self, code: Operation, terms: Terms) -> int:
+        self.rows.append((code, terms))
+        return self.first + len(self.rows) - 1
 
 
-class _Writer:
-    """Writes expressions as rows: operation, slots, constant. Equal rows are written once."""
+def sum_of_products(terms: Sequence[tuple[Value, Value, float]]) -> Value:
+    """Σ f a b of pairs and factors; of series, they compute it."""
+    for a, b, _ in terms:
+        for each in (a, b):
+            if hasattr(each, "sum_of_products"):
+                return each.sum_of_products(terms)
+    total: Value = 0.0
+    for a, b, c in terms:
+        if isinstance(a, float):
+            a, b, c = b, 1.0, c * a
+        part = a if isinstance(b, float) and b == 1 else a * b
+        part = part if c == 1 else c * part
+        total = part if is_zero(total) else total + part
+    return total
 
-    def __init__(self, inputs: Sequence[sympy.Symbol]) -> None:
-        self.slots: dict[sympy.Expr, int] = {symbol: i for i, symbol in enumerate(inputs)}
-        self.first, self.rows = len(inputs), list[tuple[int, int, int, float]]()
-        self._known: dict[tuple[int, int, int, float], int] = {}
 
-    def slot(self, expression: sympy.Expr) -> int:
-        """Slot of an expression that depends on the inputs."""
-        if expression not in self.slots:
-            self.slots[expression] = self._written(expression)
-        return self.slots[expression]
+def _added(
+    a: dict[tuple[int, int], float], b: dict[tuple[int, int], float]
+) -> dict[tuple[int, int], float]:
+    found = dict(a)
+    for pair, factor in b.items():
+        found[pair] = found.get(pair, 0.0) + factor
+    return {pair: factor for pair, factor in found.items() if factor}
 
-    def _written(self, expression: sympy.Expr) -> int:
-        if isinstance(expression, sympy.Add | sympy.Mul):
-            is_sum = isinstance(expression, sympy.Add)
-            numbers = [float(a) for a in expression.args if a.is_number]
-            slots = [self.slot(a) for a in expression.args if not a.is_number]
-            found = slots[0]
-            for other in slots[1:]:
-                found = self._row(Operation.SUM if is_sum else Operation.PRODUCT, found, other)
-            if not numbers:
-                return found
-            if is_sum:
-                return self._row(Operation.SHIFT, found, constant=sum(numbers))
-            return self._row(Operation.SCALE, found, constant=float(np.prod(numbers)))
-        argument = self.slot(expression.args[0])
-        if isinstance(expression, sympy.Pow):
-            if not expression.exp.is_number:
-                raise ValueError(f"an exponent of the energy is no number: {expression}")
-            return self._power(argument, float(expression.exp))
-        codes = {
-            sympy.exp: Operation.EXP,
-            sympy.log: Operation.LN,
-            positive: Operation.POSITIVE,
-            step: Operation.STEP,
-        }
-        return self._row(codes[type(expression)], argument)
 
-    def _power(self, argument: int, exponent: float) -> int:
-        """A power, as the product of a whole one and one between −1 and 0, which others share."""
-        whole = math.ceil(exponent - WHOLE)
-        part = exponent - whole
-        found: int | None = None
-        if abs(part) > WHOLE:
-            found = self._row(Operation.POWER, argument, constant=part)
-        if whole < 0:
-            argument = self._row(Operation.POWER, argument, constant=-1.0)
-        count = abs(whole)
-        while count > FACTORS:  # square and multiply
-            if count % 2:
-                found = self._times(found, argument)
-            argument, count = self._row(Operation.PRODUCT, argument, argument), count // 2
-        for _ in range(count):
-            found = self._times(found, argument)
-        assert found is not None  # SymPy knows powers of 0
-        return found
-
-    def _times(self, found: int | None, factor: int) -> int:
-        return factor if found is None else self._row(Operation.PRODUCT, found, factor)
-
-    def _row(self, code: Operation, left: int, right: int = 0, constant: float = 0.0) -> int:
-        row = (int(code), left, right, constant)
-        if row not in self._known:
-            self._known[row] = self.first + len(self.rows)
-            self.rows.append(row)
-        return self._known[row]
+def tape_of(recording: Recording, outputs: Sequence[Value]) -> Tape:
+    """The tape of recorded numbers or constants, with products for whole powers."""
+    other = Recording(recording.count)
+    return Tape(other, recording.replayed(list(other.inputs), outputs))

@@ -332,8 +332,7 @@ class Equilibrium:
     @cached_property
     def undeformed(self) -> SymmetricFactor:
         """The factor of K(0), in the order of `layout`; ValueError if K(0) is singular."""
-        at_rest = torch.zeros(1, *self.free.shape, dtype=torch.float64)
-        factor = self.layout.factor(self.layout.assembled(self.solid.cell_tangents(at_rest))[0])
+        factor = self.layout.factor(self._tangent_of_solid(np.zeros((1, *self.free.shape))))
         if factor is None:
             raise ValueError("the stiffness of the body is singular; supports are missing")
         return factor
@@ -362,10 +361,13 @@ class Equilibrium:
 
     def _tangent(self, u: Array) -> Array:
         """K(u) of a single displacement without pressures, as `layout` assembles it."""
-        tangent = self.layout.assembled(self.solid.compiled.cell_tangents(u))[0]
+        tangent = self._tangent_of_solid(u)
         if self.springs is None:
             return tangent
         return self.layout.with_facets(tangent, *self.springs.tangent(u[0]))
+
+    def _tangent_of_solid(self, u: Array) -> Array:
+        return self.layout.assembled(self.solid.compiled.cell_tangents(u))[0]
 
     @property
     def _at_rest(self) -> Array:

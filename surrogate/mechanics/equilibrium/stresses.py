@@ -10,10 +10,10 @@ from shared_schema.common.bodies.equilibrium import stress_fields
 from shared_schema.common.bodies.reference_cells import CORNERS, LINEAR
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.energy.law import law_of
-from surrogate.mechanics.solids.deformation import completed, determinant
+from surrogate.mechanics.solids.deformation import Deformation, completed, determinant
 from surrogate.mechanics.solids.elements import gradients_at
 from surrogate.mechanics.solids.mean_dilation import MeanDilationSolid
-from surrogate.mechanics.solids.solid import Points, Solid, density_at, stress_at
+from surrogate.mechanics.solids.solid import Solid
 from surrogate.mechanics.solids.taylor_hood import TaylorHoodSolid
 
 Array = NDArray[np.float64]
@@ -44,17 +44,20 @@ def cell_stresses(solid: Solid, geometry: Geometry, displacement: Array) -> dict
     if isinstance(solid, MeanDilationSolid | TaylorHoodSolid):  # F̄ of the cell's dilation
         ratio = solid.dilation(torch.from_numpy(displacement)) / determinant(gradient)
         gradient = ratio ** (1 / geometry.dimension) * gradient
-    f = completed(gradient[..., None])
-    laws = [law_of(material, 3) for material in solid.materials]
-    fibres = solid.fibres
-    if fibres is not None and fibres.shape[1] == 2:  # in the plane
-        fibres = torch.cat([fibres, torch.zeros_like(fibres[:, :1])], dim=1)
-    p, w = (
-        solid.by_law(field, Points(f, fibres=fibres), laws) for field in (stress_at, density_at)
-    )
-    of_cells = f[..., 0].permute(3, 2, 0, 1).numpy()
-    first_piola = p[..., 0].permute(3, 2, 0, 1).numpy()
-    return stress_fields(of_cells, first_piola, w[..., 0].T.numpy())
+    f, fibres = completed(gradient), solid.fibres
+    if fibres is not None:
+        fibres = fibres[..., 0]
+        if fibres.shape[1] == 2:  # in the plane
+            fibres = torch.cat([fibres, torch.zeros_like(fibres[:, :1])], dim=1)
+    p, w = torch.empty_like(f), torch.empty_like(f[0, 0])
+    of_cells = solid.material_of_cells()
+    for number, material in enumerate(solid.materials):
+        law, some = law_of(material, 3), of_cells == number
+        directions = None if fibres is None else fibres[: law.families, :, some]
+        state = Deformation(f[:, :, some], fibres=directions)
+        p[:, :, some], w[some] = state.stress(law.stress(state.measures)), state.energy(law)
+    gradients, piola = (each.permute(3, 2, 0, 1).numpy() for each in (f, p))
+    return stress_fields(gradients, piola, w.T.numpy())
 
 
 def reactions(solid: Solid, geometry: Geometry, displacement: Array, acting: Array) -> Array:

@@ -7,7 +7,7 @@ Under s times a load, dead forces f and pressures that follow the surface,
     K u_k = f_{p,k} - \sum_q w_q \, \hat P_{k,q} G_a
 
 with the stiffness K of the undeformed body, the part P̂ₖ of the k-th term of the stress that
-follows from those before (`surrogate.mechanics.series.measured_series`), and the terms of the
+follows from those before (`surrogate.mechanics.solids.stress_path`), and the terms of the
 pressures' forces (`surrogate.mechanics.series.pressure_terms`). The prediction is the combination
 :math:`\sum_k c_k u_k` that is nearest to equilibrium (`surrogate.mechanics.series.weights`).
 
@@ -29,9 +29,9 @@ from torch import Tensor, nn
 
 from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
-from surrogate.mechanics.series.measured_series import SeriesOfBody
 from surrogate.mechanics.series.pressure_terms import PressedFacets
-from surrogate.mechanics.series.weights import Weights, combined
+from surrogate.mechanics.series.weights import Weights
+from surrogate.mechanics.solids.stress_path import StressPath
 
 if TYPE_CHECKING:
     from surrogate.mechanics.series.compiled_series import CompiledSeries
@@ -184,9 +184,10 @@ class BodySeries(nn.Module):
         self, first: Tensor, facets: PressedFacets | None, pressures: Tensor | None
     ) -> tuple[Tensor, Tensor]:
         terms, c = self.combination(first, facets, pressures)
-        u = torch.stack(terms).movedim(1, -2)
         last = c[:, -1, None, None] * terms[-1]
-        beyond = combined(torch.cat([c[:, :1] - 1, c[:, 1:]], 1), u).movedim(-2, 0)
+        beyond = (c[:, 0, None, None] - 1) * terms[0]
+        for k, term in enumerate(terms[1:], 1):
+            beyond = beyond + c[:, k, None, None] * term
         return beyond.to(first.dtype), last.to(first.dtype)
 
     def combination(
@@ -201,7 +202,7 @@ class BodySeries(nn.Module):
         if facets is not None and pressures is not None:
             pressed = facets.works(pressures, u)
         c = self._weights(h, pressed)
-        is_small = h[0].abs().amax((0, 1, 2, 4)) <= SMALL
+        is_small = h[:, :, 0].abs().amax((0, 1, 2, 4)) <= SMALL
         return u, torch.where(is_small[:, None], torch.ones_like(c), c)
 
     def terms(
@@ -210,20 +211,20 @@ class BodySeries(nn.Module):
         facets: PressedFacets | None = None,
         pressures: Tensor | None = None,
     ) -> tuple[list[Tensor], Tensor]:
-        """u₁, u₂, … in m, (N, n_points, d), and gradients (n, d, d, n_cells, N, n_points), of u₁.
+        """u₁, u₂, … in m, (N, n_points, d), and gradients (d, d, n, n_cells, N, n_points), of u₁.
 
         Responses are in the precision of u₁.
         """
-        solid, series, u = self.solid, SeriesOfBody(self.solid), [first.double()]
-        slopes = [solid.slopes(u[0])]
+        solid, path, u = self.solid, StressPath(self.solid), [first.double()]
+        slopes = [solid.slopes(u[0])[:, :, None]]
         while len(u) < self.order:
-            series.add(slopes[-1])
-            forces = -solid.forces_of(series.next_stress())
+            path.add(slopes[-1])
+            forces = -solid.forces_of(path.next_stress()[:, :, 0])
             if facets is not None and pressures is not None:
                 forces = forces + facets.term(pressures, u)
             u.append(self._respond(forces.to(first.dtype)).double())
-            slopes.append(solid.slopes(u[-1]))
-        return u, torch.stack(slopes)
+            slopes.append(solid.slopes(u[-1])[:, :, None])
+        return u, torch.cat(slopes, 2)
 
     def _by_factor(self, forces: Tensor) -> Tensor:
         f = forces.detach().cpu().numpy() * self.equilibrium.free

@@ -5,7 +5,7 @@ r"""The combination of the terms of a series that is nearest to equilibrium.
     - (f + f_p(u)) · u_k = 0, \qquad \frac{∂g_k}{∂c_l} = \sum_q w_q δP_q(H_l) : H_{k,q} - …
 
 with the dead forces f, the forces :math:`f_p` of pressures that follow the surface, and the changes
-δP of the stress (`surrogate.mechanics.solids.changes`). All cₖ = 1 give the sum of the series,
+δP of the stress (`surrogate.mechanics.solids.stress_path`). All cₖ = 1 give the sum of the series,
 which converges slowly under large loads, if at all. What the terms span is much better than their
 sum: it is the reduced basis of A. K. Noor and J. M. Peters (*Reduced basis technique for nonlinear
 analysis of structures*, AIAA Journal 18, 1980). Since :math:`K u_1 = f + f_p(0)`, the works of
@@ -30,11 +30,12 @@ from math import inf
 from typing import NamedTuple
 
 import torch
-from torch import Tensor
-from torch._higher_order_ops.while_loop import while_loop  # not public yet
+from torch import Tensor, nn
+from torch._higher_order_ops.while_loop import while_loop_op  # not public yet
+from torch.func import functional_call
 
-from surrogate.mechanics.solids.changes import Stresses
 from surrogate.mechanics.solids.solid import Solid
+from surrogate.mechanics.solids.stress_path import StressPath
 from surrogate.runtime.cuda_graphs import Replayed
 
 EVALUATIONS = 30  # of g, at most
@@ -85,7 +86,7 @@ class Terms(NamedTuple):
 
     Attributes
     ----------
-    h : Tensor, (n, d, d, n_cells, N, n_points)
+    h : Tensor, (d, d, n, n_cells, N, n_points)
         Hₖ = ∇uₖ.
     stiffness : Tensor, (N, n)
         Σ w μ Hₖ : Hₖ in J, with the shear moduli at rest.
@@ -144,24 +145,21 @@ class Weights:
 
     def terms(self, h: Tensor, pressed: Tensor | None = None) -> Terms:
         """Find the works of the forces, and the stiffness of the terms."""
-        solid, rest = self.solid, self.solid.identity
-        of_cells = rest.expand(*rest.shape[:2], len(solid.cells), 1, solid.volumes.shape[1])
-        change = Stresses(solid, solid.at(of_cells)).change(h[0])
-        volumes = solid.volumes[:, None]
-        works = torch.einsum("ijcnq,kijcnq->nk", volumes * change, h)
+        volumes = self.solid.volumes[:, None]
+        change = volumes * StressPath(self.solid).along(h[:, :, :1])
         weights = self._moduli.to(volumes) * volumes
-        return Terms(h, (weights * h * h).sum((1, 2, 3, 5)).T, works, pressed)
+        works = (change * h).sum((0, 1, 3, 5)).T
+        return Terms(h, (weights * h * h).sum((0, 1, 3, 5)).T, works, pressed)
 
     def at(self, c: Tensor, terms: Terms, curved: bool = True) -> tuple[Tensor, Tensor, Tensor]:
         """Return Π, g and its derivative: (N,), (N, n), (N, n, n); the last one if `curved`."""
         solid, h, volumes = self.solid, terms.h, self.solid.volumes[:, None]
-        stresses = Stresses(solid, solid.at(solid.identity + combined(c, h)))
-        density = volumes * stresses.energy
-        inside = (stresses.inside & torch.isfinite(density)).all(2).all(0)
-        energy = torch.where(inside, density.sum((0, 2)) - (c * terms.works).sum(1), inf)
-        changes = stresses.changes([h[k] for k in range(len(h))]) if curved else []
-        rows = volumes * torch.stack([stresses.stress, *changes])
-        both = torch.einsum("lijcnq,kijcnq->nkl", rows, h)
+        path = StressPath(solid, solid.identity[:, :, None] + combined(c, h))
+        density = volumes * path.energy
+        inside = (path.inside & torch.isfinite(density)).all(3).all(1)[0]
+        energy = torch.where(inside, density.sum((0, 1, 3)) - (c * terms.works).sum(1), inf)
+        rows = torch.cat([path.stress, path.along(h)], 2) if curved else path.stress
+        both = torch.einsum("ijlcnq,ijkcnq->nkl", volumes * rows, h)
         gradient, hessian = both[..., 0] - terms.works, both[..., 1:]
         if terms.pressed is not None:
             p, one = terms.pressed, torch.ones_like(c[:, :1])
@@ -173,18 +171,24 @@ class Weights:
         return energy, gradient, hessian.contiguous()  # as loops in files ask for
 
     def _in_file(self, terms: Terms) -> Tensor:
-        def advance(*search: Tensor) -> tuple[Tensor, ...]:
-            return self._next(Search(*search), terms)
+        step = _Step(self)
+        names, buffers = zip(*step.named_buffers(), strict=True)
+        given = (*(each for each in terms if each is not None), *buffers)
+        start, count = tuple(self._start(terms)), len(given) - len(names)
 
-        in_file: Callable[..., tuple[Tensor, ...]] = while_loop
-        search = Search(*in_file(_goes_on, advance, tuple(self._start(terms))))
+        def advance(*of: Tensor) -> tuple[Tensor, ...]:
+            size = len(start) + count
+            return functional_call(step, dict(zip(names, of[size:], strict=True)), of[:size])
+
+        loop: Callable[..., tuple[Tensor, ...]] = while_loop_op
+        search = Search(*loop(_goes_on, advance, start, given))
         return torch.where(search.is_last.all(), search.after, search.c)
 
     def _found(self, terms: Terms) -> Tensor:
         search = self._start(terms)
         found, on_gpu = search.c.clone(), search.c.device.type == "cuda"
         rows, left = torch.arange(len(found), device=found.device), torch.ones_like(search.is_last)
-        for _ in range(EVALUATIONS):
+        for _ in range(EVALUATIONS + 1):
             last = torch.nonzero(left & search.is_last)[:, 0]
             found[rows[last]] = search.after[last]
             left = left & ~search.is_last
@@ -204,15 +208,16 @@ class Weights:
     def _advanced(self, *given: Tensor) -> tuple[Tensor, ...]:
         """Take a step; a function of tensors alone."""
         count = len(Search._fields)
-        return self._next(Search(*given[:count]), Terms(*given[count:]))
+        return tuple(self._next(Search(*given[:count]), Terms(*given[count:])))
 
     def _start(self, terms: Terms) -> Search:
-        """Return the step from terms that fade."""
-        c = _fading(terms.stiffness)
-        energy, gradient, hessian = self.at(c, terms)
+        """Begin before terms that fade, as if these were of half the load, and that infinite."""
+        c = _fading(terms.stiffness) * 2.0 ** torch.cumsum(torch.ones_like(terms.works), -1)
+        zero, hessian = torch.zeros_like(c), torch.diag_embed(torch.ones_like(c))
+        energy = torch.full_like(c[:, 0], inf)
         shift = torch.full_like(energy, SMALLEST_SHIFT)
-        none = torch.zeros((), dtype=torch.int64, device=shift.device)
-        return self._with_step(c, energy, gradient, hessian, shift, none, terms)
+        none = torch.zeros((), dtype=torch.int64, device=c.device)
+        return Search(c, energy, zero, hessian, shift, c.clone(), energy < 0, none)
 
     def _next(self, search: Search, terms: Terms) -> Search:
         """Take a step, and return the next one."""
@@ -270,10 +275,10 @@ class Weights:
 
 
 def combined(c: Tensor, fields: Tensor) -> Tensor:
-    """Σₖ cₖ of fields whose loads are the last axis but one: (N, n), (n, …, N, m) → (…, N, m)."""
-    total = c[:, :1] * fields[0]
-    for k in range(1, len(fields)):
-        total = torch.addcmul(total, c[:, k : k + 1], fields[k])
+    """Σₖ cₖ Hₖ: (N, n), (d, d, n, n_cells, N, n_points) → (d, d, 1, n_cells, N, n_points)."""
+    total = c[:, :1] * fields[:, :, :1]
+    for k in range(1, c.shape[1]):
+        total = torch.addcmul(total, c[:, k : k + 1], fields[:, :, k : k + 1])
     return total
 
 
@@ -282,8 +287,20 @@ def power_of_two(count: int) -> int:
     return 1 << max(count - 1, 0).bit_length()
 
 
-def _goes_on(*search: Tensor) -> Tensor:
-    *_, is_last, evaluations = search
+class _Step(nn.Module):
+    """A step of the search, of what it carries, the terms, and buffers of the solid."""
+
+    def __init__(self, weights: Weights) -> None:
+        super().__init__()
+        self.solid, self._advanced = weights.solid, weights._advanced
+
+    def forward(self, *given: Tensor) -> tuple[Tensor, ...]:
+        """Return what it carries on."""
+        return self._advanced(*given)
+
+
+def _goes_on(*given: Tensor) -> Tensor:
+    *_, is_last, evaluations = given[: len(Search._fields)]
     return ~is_last.all() & (evaluations <= EVALUATIONS)
 
 

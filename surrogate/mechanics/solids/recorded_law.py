@@ -38,11 +38,11 @@ def recorded_law(law: Law, d: int, projects: bool) -> tuple[Recording, dict[str,
     fibres: Any = recording.inputs[d * d : size].reshape(-1, d)
     dilation, pressure = recording.inputs[size:] if projects else (None, None)
     state: Any = Deformation(f, dilation, fibres)
-    first = recording.run(law.stress, state.measures)
+    energy, *first = law.recording.replayed(state.measures, law.outputs)
     stress = state.stress(first)
     outputs = {
         "volume": state.j,
-        "energy": recording.run(law.energy, state.measures)[0],
+        "energy": energy,
         "stress": stress,
         "derivatives": stress.ravel(),
     }

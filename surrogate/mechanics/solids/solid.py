@@ -8,7 +8,8 @@ quadrature volumes :math:`w_q`,
     f_{int,a} = \frac{∂E}{∂u_a} = \sum_q w_q P_q G_a, \qquad
     K_{aibk} = \sum_q w_q G_{aj} \mathbb{A}_{ijkl} G_{bl}
 
-with the stress P and the moduli of `surrogate.mechanics.solids.deformation`. The same equations, in
+with the stress P of `surrogate.mechanics.solids.deformation`. Tangents are those of compiled loops
+(`surrogate.mechanics.compiled.solid`). The same equations, in
 UFL, are those of `datagen`; a test compares the two.
 
 *Incompressible* elements have a dilation θ of their own in place of J, so that they do not lock
@@ -27,10 +28,10 @@ tangent without them is called relaxed; a step with it makes the volumes right.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from copy import copy
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import torch
@@ -39,48 +40,15 @@ from scipy.sparse import csr_array
 from torch import Tensor, nn
 
 from shared_schema.materials import Materials, as_tuple
-from surrogate.mechanics.energy.law import DILATION, VOLUME, Law, law_of
+from surrogate.mechanics.energy.law import Law, law_of
 from surrogate.mechanics.energy.recording import Recording
 from surrogate.mechanics.matrices.sparse_products import SparseProduct
-from surrogate.mechanics.solids.deformation import Deformation, cofactors, determinant, moduli_of
 from surrogate.mechanics.solids.elements import cell_gradients
 from surrogate.mechanics.solids.recorded_law import recorded_law
+from surrogate.mechanics.solids.stress_path import StressPath
 
 if TYPE_CHECKING:
     from surrogate.mechanics.compiled.solid import CompiledSolid
-
-
-class Points(NamedTuple):
-    """What is known at the quadrature points of N states.
-
-    Attributes
-    ----------
-    f : Tensor, (d, d, n_cells, N, n_points)
-    dilation, pressure : Tensor, (n_cells, N, n_points), or None
-        θ, and p in Pa.
-    fibres : Tensor, (families, d, n_cells, 1, 1), or None
-        Unit directions.
-    """
-
-    f: Tensor
-    dilation: Tensor | None = None
-    pressure: Tensor | None = None
-    fibres: Tensor | None = None
-
-    def of(self, cells: Tensor) -> Points:
-        """Those of some cells."""
-        dilation, pressure, fibres = self.dilation, self.pressure, self.fibres
-        return Points(
-            self.f[:, :, cells],
-            None if dilation is None else dilation[cells],
-            None if pressure is None else pressure[cells],
-            None if fibres is None else fibres[:, :, cells],
-        )
-
-    def state(self, law: Law) -> Deformation:
-        """The deformation there, as the measures of a law ask for it."""
-        fibres = None if self.fibres is None else self.fibres[: law.families]
-        return Deformation(self.f, self.dilation, fibres)
 
 
 class Solid(nn.Module):
@@ -221,22 +189,6 @@ class Solid(nn.Module):
         total: Tensor = self.sums(rows)
         return total.reshape(len(total), samples, d).transpose(0, 1)
 
-    def by_law(
-        self,
-        function: Callable[[Points, Law], Tensor],
-        points: Points,
-        laws: Sequence[Law] | None = None,
-    ) -> Tensor:
-        """Apply a function of points and a law to those of all cells, the axis before the last two.
-
-        Its result has them as well. Laws are those of the materials by default.
-        """
-        laws = self.laws if laws is None else laws
-        if len(laws) == 1:
-            return function(points, laws[0])
-        parts = zip(self.members, laws, strict=True)
-        return self.joined([function(points.of(members), law) for members, law in parts])
-
     def joined(self, parts: Sequence[Tensor]) -> Tensor:
         """Fields of the cells of all materials, one after the other, as one of all cells."""
         if len(parts) == 1:
@@ -285,50 +237,26 @@ class Solid(nn.Module):
         """
         raise NotImplementedError("the elements have no dilation of their own")
 
-    def points(self, u: Tensor) -> Points:
-        """F, and θ if the elements find it: (N, n_nodes, d) in m."""
-        return self.at(self.deformation_gradient(u))
-
-    def at(self, f: Tensor) -> Points:
-        """The same at given F."""
-        dilation = self.projected(determinant(f)) if self.projects else None
-        return Points(f, dilation, fibres=self.fibres)
-
-    def with_pressure(self, points: Points) -> Points:
-        """The same with p, if the elements have it."""
-        if points.dilation is None:
-            return points
-        return points._replace(pressure=self.projected(self.by_law(_slope, points)))
-
     def inverted(self, u: Tensor) -> Tensor:
         """Number of cells with J ≤ 0, or θ ≤ 0, (or no number) at a point: (N, n_nodes, d) → (N,).
 
         Displacements are in m.
         """
-        return self.turned_over(self.points(u))
-
-    def turned_over(self, points: Points) -> Tensor:
-        """The same of given F and θ."""
-        good = _inside(determinant(points.f))
-        if points.dilation is not None:
-            good &= _inside(points.dilation)
-        return (~good).any(dim=2).sum(dim=0)  # true for NaN as well
+        return (~self.path(u).inside).any(-1).sum(1)[0]
 
     def energy(self, u: Tensor) -> Tensor:
         """Strain energy E(u) in J, +∞ if a cell is inverted: (N, n_nodes, d) in m → (N,)."""
-        return (self.volumes[:, None] * self.by_law(density_at, self.points(u))).sum((0, 2))
-
-    def first_piola(self, u: Tensor) -> Tensor:
-        """P in Pa at the quadrature points: (N, n_nodes, d) → (d, d, n_cells, N, n_points)."""
-        return self.stress_of(self.with_pressure(self.points(u)))
-
-    def stress_of(self, points: Points) -> Tensor:
-        """The same of given F, θ and p."""
-        return self.by_law(stress_at, points)
+        path = self.path(u)
+        density = torch.where(path.inside & torch.isfinite(path.energy), path.energy, torch.inf)
+        return (self.volumes[:, None] * density).sum((1, 3))[0]
 
     def internal_forces(self, u: Tensor) -> Tensor:
         """f_int = ∂E/∂u in N, no meaning if a cell is inverted: (N, n_nodes, d) in m → same."""
-        return self.forces_of(self.first_piola(u))
+        return self.forces_of(self.path(u).stress[:, :, 0])
+
+    def path(self, u: Tensor) -> StressPath:
+        """Stresses from displacements on: (N, n_nodes, d) in m."""
+        return StressPath(self, self.deformation_gradient(u)[:, :, None])
 
     def forces_of(self, stress: Tensor) -> Tensor:
         """Σ_q w_q P_q G_a in N: (d, d, n_cells, N, n_points) in Pa → (N, n_nodes, d)."""
@@ -340,97 +268,8 @@ class Solid(nn.Module):
         return self.sum_at_nodes(forces.reshape(count, samples, d, corners))
 
     def stiffness_at_rest(self) -> Tensor:
-        """Positive definite stiffness K(0) of every cell, of the shape of `cell_tangents`."""
-        return self.cell_tangents(self.gradients.new_zeros(1, self.nodes, self.gradients.shape[3]))
-
-    def cell_tangents(self, u: Tensor, relaxed: bool = False) -> Tensor:
-        """K of every cell in N/m: (N, n_nodes, d) in m → (N, n_cells, n_corners d, n_corners d).
-
-        Rows and columns are numbered corner · d + component. A relaxed tangent lacks the part of
-        pressures p.
-        """
-        points = self.points(u)
-        first = self.tangents_at(points if relaxed else self.with_pressure(points))
-        if not self.projects:
-            return first
-        curved = self.volumes[:, None] * self.by_law(curvature, points)
-        square = torch.einsum("cnq,qa,qb->ncab", curved, self.shapes, self.shapes)
-        by_dilation = self._works(self.by_law(mixed, points))
-        return self.composed(first, by_dilation, self._works(cofactors(points.f)), square)
-
-    def _works(self, stress: Tensor) -> Tensor:
-        """Works of stresses that a cell's functions multiply: → (N, n_cells, corners d, functions).
-
-        Stresses are (d, d, n_cells, N, n_points).
-        """
-        works = torch.einsum(
-            "ijcnq,cq,cqaj,qb->ncaib", stress, self.volumes, self.gradients, self.shapes
-        )
-        return works.flatten(2, 3)
-
-    def tangents_at(self, points: Points, laws: Sequence[Law] | None = None) -> Tensor:
-        """The same at fixed θ and p."""
-        count, number, corners, d = self.gradients.shape
-        samples = points.f.shape[3]
-        a = self.by_law(_moduli, points, laws) * self.volumes[:, None]
-        a = a.permute(4, 5, 6, 1, 0, 2, 3)  # (n_cells, N, n_points, j, i, k, l)
-        a = a.reshape(count, samples, number, d**3, d)
-        turned = a @ self.gradients.transpose(2, 3)[:, None]  # (…, j i k, n_corners)
-        turned = turned.reshape(count, samples, number * d, d * d * corners)
-        slopes = self.gradients.permute(0, 2, 1, 3).reshape(count, 1, corners, number * d)
-        k = (slopes @ turned).reshape(count, samples, corners, d, d, corners)
-        return k.permute(1, 0, 2, 3, 5, 4).reshape(samples, count, corners * d, corners * d)
-
-
-def _inside(j: Tensor) -> Tensor:
-    return (j > 0) & (j < torch.inf)
-
-
-def density_at(points: Points, law: Law) -> Tensor:
-    """W in J/m³."""
-    return points.state(law).energy(law)
-
-
-def _slope(points: Points, law: Law) -> Tensor:
-    """∂W/∂θ in Pa."""
-    state = points.state(law)
-    return torch.zeros_like(state.j) + law.stress(state.measures, torch)[DILATION]
-
-
-def with_pressure_of(first: list[Tensor], points: Points) -> list[Tensor]:
-    """Derivatives of the energy, with p as a part of that by J."""
-    if points.pressure is not None:
-        first[VOLUME] = first[VOLUME] + points.pressure
-    return first
-
-
-def stress_at(points: Points, law: Law) -> Tensor:
-    """P in Pa."""
-    state = points.state(law)
-    return state.stress(with_pressure_of(law.stress(state.measures, torch), points))
-
-
-def _moduli(points: Points, law: Law) -> Tensor:
-    """∂P/∂F in Pa at fixed θ and p."""
-    state = points.state(law)
-    outputs = law.energy(state.measures, torch)
-    outputs[1 : 1 + law.count] = with_pressure_of(outputs[1 : 1 + law.count], points)
-    return moduli_of(state, law, outputs)
-
-
-def mixed(points: Points, law: Law) -> Tensor:
-    """∂²W/∂F∂θ in Pa: (d, d, n_cells, N, n_points)."""
-    state = points.state(law)
-    second = law.second(law.energy(state.measures, torch))
-    factors = [second.get((min(a, DILATION), max(a, DILATION)), 0.0) for a in range(law.count)]
-    return state.stress(factors)
-
-
-def curvature(points: Points, law: Law) -> Tensor:
-    """∂²W/∂θ² in Pa: (n_cells, N, n_points)."""
-    state = points.state(law)
-    second = law.second(law.energy(state.measures, torch))
-    return torch.zeros_like(state.j) + second.get((DILATION, DILATION), 0.0)
+        """Positive definite stiffness K(0) of every cell in N/m, of the shape of its tangent."""
+        return self.compiled.cell_tangents(np.zeros((1, self.nodes, self.gradients.shape[3])))
 
 
 def _with_own_buffers(module: nn.Module) -> Any:

@@ -23,6 +23,7 @@ for fixed u. The second derivative of E(u) is dense; that of Π by u, θ and p i
 
 from __future__ import annotations
 
+from copy import copy
 from functools import cached_property
 from typing import Any
 
@@ -38,7 +39,7 @@ from surrogate.mechanics.energy.law import law_of
 from surrogate.mechanics.matrices.cell_matrices import sum_of_cells
 from surrogate.mechanics.matrices.sparse_products import SparseProduct
 from surrogate.mechanics.solids.deformation import determinant
-from surrogate.mechanics.solids.solid import Points, Solid
+from surrogate.mechanics.solids.solid import Solid
 
 DENSE = 1000  # functions up to which M⁻¹ is a matrix
 ITERATIONS = 24  # 0.38²⁴ is 1e-10
@@ -144,9 +145,9 @@ class TaylorHoodSolid(Solid):
 
     def stiffness_at_rest(self) -> Tensor:
         """K(0) of the same cells with J in place of θ, at the displacements alone."""
-        d = self.gradients.shape[3]
-        rest = self.deformation_gradient(self.gradients.new_zeros(1, self.nodes, d))
-        laws = [law_of(material, d) for material in self.materials]
-        of_displacements = self.tangents_at(Points(rest, fibres=self.fibres), laws)
+        alone = copy(self)
+        alone.projects = False
+        alone.__dict__["laws"] = [law_of(each, self.gradients.shape[3]) for each in self.materials]
+        alone.__dict__.pop("compiled", None)
         more = 2 * self.corners.shape[1]
-        return torch.nn.functional.pad(of_displacements, (0, more, 0, more))
+        return torch.nn.functional.pad(Solid.stiffness_at_rest(alone), (0, more, 0, more))

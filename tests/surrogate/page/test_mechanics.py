@@ -17,7 +17,6 @@ from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from surrogate.mechanics.series.body_series import BodySeries
 from surrogate.mechanics.series.pressure_terms import PressedFacets
-from surrogate.mechanics.solids.changes import Stresses
 from tests.surrogate.conftest import box_cells
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
 from tests.surrogate.mechanics.series.test_body_series import ELEMENTS, MATERIALS, body, upper_side
@@ -83,8 +82,8 @@ def test_page_computes_what_python_does(
         surfaces,
     )
     solid = plain.solid
-    at = solid.with_pressure(solid.points(torch.from_numpy(u)))
-    change = Stresses(solid, at).change(solid.slopes(torch.from_numpy(x)))
+    slopes = solid.slopes(torch.from_numpy(x))
+    change = solid.path(torch.from_numpy(u)).along(slopes[:, :, None])[:, :, 0]
     inverse, stable = under.inverse_at(u)
     assert state["energy"] == pytest.approx(float(solid.energy(torch.from_numpy(u))), rel=1e-9)
     assert_close(state["residual"], under.out_of_balance(u, force))

@@ -32,7 +32,6 @@ from surrogate.mechanics.solids.deformation import (
     completed,
     determinant,
     energy_density,
-    moduli,
     stress,
 )
 from surrogate.mechanics.solids.solid import Solid
@@ -58,17 +57,15 @@ def gradients(d: int) -> torch.Tensor:
 
 @ALL
 @pytest.mark.parametrize("d", [2, 3])
-def test_stress_and_moduli_are_derivatives(material: ShippedMaterial, d: int) -> None:
-    """Central differences of W and P, component by component."""
+def test_stress_is_the_derivative(material: ShippedMaterial, d: int) -> None:
+    """Central differences of W, component by component."""
     f, h = gradients(d), 1e-6
-    p, a = stress(f, material), moduli(f, material)
+    p = stress(f, material)
     for i, j in np.ndindex(d, d):
         change = torch.zeros(d, d, 1, dtype=torch.float64)
         change[i, j] = h
         by_energy = energy_density(f + change, material) - energy_density(f - change, material)
         torch.testing.assert_close(p[i, j], by_energy / (2 * h), rtol=1e-6, atol=1e-4)
-        by_stress = stress(f + change, material) - stress(f - change, material)
-        torch.testing.assert_close(a[:, :, i, j], by_stress / (2 * h), rtol=1e-6, atol=1e-3)
 
 
 def test_neo_hookean_energy_stands_once() -> None:
@@ -119,7 +116,7 @@ def test_tangents_of_cells(cell_type: str, material: ShippedMaterial) -> None:
     u, v = (torch.from_numpy(0.02 * rng.normal(size=(1, *shape))) for _ in range(2))
     upward, downward = (solid.internal_forces(u + sign * h * v) for sign in (1, -1))
     dofs = v[:, solid.cells].flatten(2)
-    products = torch.einsum("ncij,ncj->nci", solid.cell_tangents(u), dofs)
+    products = torch.einsum("ncij,ncj->nci", solid.compiled.cell_tangents(u.numpy()), dofs)
     found = torch.zeros_like(u)
     found.index_add_(1, solid.cells.flatten(), products.reshape(1, -1, shape[1]))
     torch.testing.assert_close(found, (upward - downward) / (2 * h), rtol=1e-6, atol=1e-5)
@@ -138,10 +135,12 @@ def test_two_materials_are_those_of_their_cells() -> None:
     u = torch.from_numpy(0.02 * np.random.default_rng(0).normal(size=(2, 28, 2)))
     both = Solid(*mesh, pair, parts)
     alone = [Solid(*mesh, material) for material in pair]
-    tangents = [solid.cell_tangents(u) for solid in alone]
+    tangents = [solid.compiled.cell_tangents(u.numpy()) for solid in alone]
     chosen = torch.from_numpy(parts)[None, :, None, None]
     expected = torch.where(chosen == 0, tangents[0], tangents[1])
-    torch.testing.assert_close(both.cell_tangents(u), expected, rtol=1e-10, atol=1e-9)
+    torch.testing.assert_close(
+        both.compiled.cell_tangents(u.numpy()), expected, rtol=1e-10, atol=1e-9
+    )
     of_cells = [
         Solid(geometry.coordinates, geometry.cells[parts == i], "quad", material).energy(u)
         for i, material in enumerate(pair)
@@ -221,7 +220,7 @@ def test_fibres(d: int) -> None:
     torch.testing.assert_close(work, ((energies[0] - energies[1]) / (2 * h))[0], rtol=1e-6, atol=0)
     found = torch.zeros_like(u)
     dofs = v[:, solid.cells].flatten(2)
-    products = torch.einsum("ncij,ncj->nci", solid.cell_tangents(u), dofs)
+    products = torch.einsum("ncij,ncj->nci", solid.compiled.cell_tangents(u.numpy()), dofs)
     found.index_add_(1, solid.cells.flatten(), products.reshape(1, -1, d))
     upward, downward = (solid.internal_forces(u + sign * h * v) for sign in (1, -1))
     torch.testing.assert_close(found, (upward - downward) / (2 * h), rtol=1e-5, atol=1e-5)

@@ -1,7 +1,6 @@
 /**
- * What Python computes at a point, as a list of scalar operations (`surrogate/mechanics/energy/recording.py`),
- * run at many points with truncated power series, by the table of `surrogate/mechanics/energy/tape.py`:
- * order 0 is the value, order 1 beside it a derivative.
+ * What Python computes at a point, as a list of scalar operations, run at many points with truncated
+ * power series, by the table of `surrogate/mechanics/energy/recording.py`: order 0 is the value, order 1 beside it a derivative.
  */
 
 export interface Recording {
