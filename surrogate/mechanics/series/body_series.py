@@ -19,7 +19,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -37,7 +36,6 @@ if TYPE_CHECKING:
     from surrogate.mechanics.series.compiled_series import CompiledSeries
 
 Array = NDArray[np.float64]
-COMPILES = find_spec("numba") is not None  # a machine that only trains may do without it
 AT_ONCE = 2**19  # values of the displacement gradients that are held at once: in the cache
 AT_ONCE_ON_GPU = 2**26
 SMALL = 1e-5  # gradients whose sum of terms, all weights 1, is right to rounding
@@ -75,7 +73,7 @@ class BodySeries(nn.Module):
         precision: torch.dtype = torch.float64,
     ) -> None:
         super().__init__()
-        self.equilibrium, self.order, self.compiled = equilibrium, order, COMPILES
+        self.equilibrium, self.order, self.compiled = equilibrium, order, True
         self.solid = equilibrium.solid.apart()
         self._respond = respond or self._by_factor
         self._respond_to_arrays = respond_to_arrays or equilibrium.linear_response
