@@ -67,13 +67,16 @@ class Correction:
         Start with the lowest energy: "prediction", "linear response" or "undeformed body"; or
         "undeformed body by load steps".
     iterations : int
-        Number of Newton iterations.
+        Number of Newton iterations, or of directions.
     residual_norm : float
         ‖r‖₂ of the displacement in N.
     left : int
         Number of unstable equilibria that were met and left.
     units : Units
         Their labels, for messages.
+    by : str
+        What has led there: "Newton iterations", or "directions" to the end, with factors of the
+        undeformed body (`surrogate.mechanics.descent.equilibria`).
     """
 
     displacement: Array
@@ -82,13 +85,14 @@ class Correction:
     residual_norm: float
     left: int = 0
     units: Units = SI
+    by: str = "Newton iterations"
 
     def summary(self) -> str:
         """Describe the correction in a line."""
         past = f", past {self.left} unstable equilibria" if self.left > 1 else ""
         past = ", past an unstable equilibrium" if self.left == 1 else past
         return (
-            f"corrected in {self.iterations} Newton iterations from the {self.start}{past}, "
+            f"corrected in {self.iterations} {self.by} from the {self.start}{past}, "
             f"residual {self.residual_norm:.2g} {self.units.force}"
         )
 

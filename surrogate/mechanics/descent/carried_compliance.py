@@ -29,8 +29,8 @@ apart and composed again as finite ones:
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache, partial
+from collections.abc import Callable, Sequence
+from functools import cache
 
 import numpy as np
 import torch
@@ -78,7 +78,15 @@ class CarriedCompliance:
 
     def at(self, u: Array) -> Callable[[Array], Array]:
         """P of a state (n_points, d) in m: forces in N to displacements in m, (n_points, d)."""
-        return partial(self._carried, self._mean_deformation(u))
+        f = self._mean_deformation(u)
+        return lambda force: self._carried([f], force[None])[0]
+
+    def at_each(self, states: Sequence[Array], forces: Sequence[Array]) -> Array:
+        """P of every state of as many forces in N: (N, n_points, d) in m.
+
+        The factors are read once for all, which takes most of the time.
+        """
+        return self._carried([self._mean_deformation(u) for u in states], np.stack(forces))
 
     def linear_response(self, force: Array) -> Array:
         """K(0)⁻¹ f: (N, n_points, d) in N → same in m, in the precision of P."""
@@ -88,10 +96,8 @@ class CarriedCompliance:
     def turned(self, u: Array, y: Array) -> Array:
         """T y of m fields at a state u, in m: (n_points, d) and (m, n_points, d) → the latter."""
         f = self._mean_deformation(u)
-        summed = [self._of_cells(f, each.astype(f.dtype)) for each in y]
-        return (
-            self._poisson(np.stack(summed, axis=2)).transpose(2, 0, 1).astype(np.float64, order="C")
-        )
+        summed = np.stack([self._of_cells(f, each.astype(f.dtype)) for each in y])
+        return self._poisson_of_each(summed).astype(np.float64)
 
     def warped(self, u: Array) -> Array:
         """The state of finite rotations next to a linear response: (n_points, d) in m → same."""
@@ -112,15 +118,23 @@ class CarriedCompliance:
             f[:, i, i] += 1
         return f
 
-    def _carried(self, f: Values, force: Array) -> Array:
-        """T K(0)⁻¹ Tᵀ r."""
-        unit = float(np.abs(force).max())
-        if not 0 < unit < np.inf:
-            return np.zeros_like(force) * unit
-        s = self._poisson((force / unit).astype(f.dtype))
-        back = self._of_cells(np.ascontiguousarray(f.swapaxes(1, 2)), s)
-        y = self._equilibrium.linear_response(back[None])[0]
-        return self._poisson(self._of_cells(f, y)).astype(np.float64) * unit
+    def _carried(self, f: Sequence[Values], forces: Array) -> Array:
+        """T K(0)⁻¹ Tᵀ r of N forces, each at its state."""
+        units = np.abs(forces).max((1, 2), keepdims=True)
+        some = (units > 0) & (units < np.inf)
+        scaled = np.where(some, forces / np.where(some, units, 1.0), 0.0)
+        s = self._poisson_of_each(scaled.astype(self._metric.dtype))
+        turned = [np.ascontiguousarray(each.swapaxes(1, 2)) for each in f]
+        back = np.stack([self._of_cells(*both) for both in zip(turned, s, strict=True)])
+        y = self._equilibrium.linear_response(back)
+        carried = np.stack([self._of_cells(*both) for both in zip(f, y, strict=True)])
+        return self._poisson_of_each(carried).astype(np.float64) * units
+
+    def _poisson_of_each(self, right: Values) -> Values:
+        """L⁻¹ of N fields, (N, n_points, d) → same."""
+        if len(right) == 1:
+            return self._poisson(right[0])[None]
+        return np.ascontiguousarray(self._poisson(right.transpose(1, 2, 0)).transpose(2, 0, 1))
 
     def _of_cells(self, f: Values, y: Values) -> Values:
         """Σ_c k_c F_c y: (n_blocks, d, d, n), (n_points, d) → (n_points, d)."""

@@ -16,8 +16,8 @@ and every material are treated alike.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
-from typing import Any, TypeVar
+from collections.abc import Callable, Generator, Sequence
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.linalg import norm
@@ -28,6 +28,8 @@ from surrogate.mechanics.descent.driven_body import DrivenBody, State
 
 Array = NDArray[np.float64]
 Field = TypeVar("Field", Array, Tensor)
+Result = TypeVar("Result")
+Asking: TypeAlias = Generator[tuple[State, Array], Array, Result]  # for P of forces, at states
 PAIRS = 8  # of steps and changes of r that are kept
 SHORTENINGS = 12  # of a step
 GROWN = 5.0  # of the forces out of balance: most that is left by a step
@@ -60,11 +62,24 @@ class Directions:
 
     def direction(self, state: State) -> Array:
         """The direction d = −H r, (n_points, d) in m, along which r does negative work."""
-        carried = self.body.compliance.at(state.u)
-        d = -two_loops(self._pairs, state.r, carried, np.vdot)
-        if self._pairs and not float(np.vdot(d, state.r)) < 0:
+        asked = self.asking(state, state.r)
+        try:
+            request = next(asked)
+            while True:
+                request = asked.send(self.body.compliance.at(state.u)(request[1]))
+        except StopIteration as end:
+            return np.asarray(end.value)
+
+    def asking(self, state: State, r: Array) -> Asking[Array]:
+        """−H of forces r; it asks for P of what it yields, so that those of many are made at once.
+
+        See `surrogate.mechanics.descent.equilibria`.
+        """
+        q, shares = backward(self._pairs, r, np.vdot)
+        d = -forward(self._pairs, shares, (yield state, q), np.vdot)
+        if self._pairs and not float(np.vdot(d, r)) < 0:
             self._pairs.clear()
-            d = -carried(state.r)
+            d = -(yield state, r)
         return d
 
     def step(self, state: State, d: Array) -> State | None:
@@ -114,11 +129,28 @@ def two_loops(
     dot : callable
         Product of two fields, of the kind of 1 / s · y.
     """
-    q, shares = r, []
+    q, shares = backward(pairs, r, dot)
+    return forward(pairs, shares, carried(q), dot)
+
+
+def backward(
+    pairs: Sequence[tuple[Field, Field, Any]], r: Field, dot: Callable[[Field, Field], Any]
+) -> tuple[Field, list[Any]]:
+    """The first loop: what P is applied to, and the shares of the pairs, the newest first."""
+    shares = []
     for s, y, inverse in reversed(pairs):
-        shares.append(dot(s, q) * inverse)
-        q = q - shares[-1] * y
-    found = carried(q)
+        shares.append(dot(s, r) * inverse)
+        r = r - shares[-1] * y
+    return r, shares
+
+
+def forward(
+    pairs: Sequence[tuple[Field, Field, Any]],
+    shares: list[Any],
+    found: Field,
+    dot: Callable[[Field, Field], Any],
+) -> Field:
+    """The second loop, from what P has made of that."""
     for (s, y, inverse), share in zip(pairs, reversed(shares), strict=True):
         found = found + (share - dot(y, found) * inverse) * s
     return found

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surrogate.mechanics.descent.driven_body import SOFT, DrivenBody, State, longest
+from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 
 Array = NDArray[np.float64]
 MARGIN = 0.4  # of the tolerance: largest estimate that counts as small
@@ -47,8 +48,7 @@ class Trust:
         self._lengths: list[float] = []
         self._looked_at: State | None = None
         self._stiffness = 1.0
-        width = body.equilibrium.layout.width
-        self._is_narrow = width is not None and width <= NARROW
+        self._is_narrow = is_narrow(body.equilibrium)
 
     def are_short(self, state: State, estimate: float, allowed: float, count: int) -> bool:
         """Whether the directions are short enough.
@@ -97,3 +97,9 @@ class Trust:
     def is_nearly_balanced(self, state: State) -> bool:
         """Whether little of the load is out of balance."""
         return float(np.linalg.norm(state.r)) <= LEFT * float(np.linalg.norm(self._force))
+
+
+def is_narrow(equilibrium: Equilibrium) -> bool:
+    """Whether the tangent is factorised in the time of a few directions."""
+    width = equilibrium.layout.width
+    return width is not None and width <= NARROW

@@ -8,8 +8,9 @@ matrix that is not symmetric is factorised by ``gbtrf``, Gauss's elimination wit
 SuperLU, which is always there, factorises :math:`A = L D L^T` without row exchanges, with the
 unknowns in an order of least degree, which limits the fill; the signs of D tell whether a matrix is
 positive definite (Sylvester's law of inertia). Where ``pypardiso`` is installed
-(``pip install surrogate[large]``; x86), PARDISO factorises a matrix by Cholesky's method, on a body
-of 20 000 nodes in a tenth of the time; it fails exactly where a matrix is not positive definite.
+(``pip install solid-surrogate[large]``; x86), PARDISO factorises a matrix by Cholesky's method, on
+a body of 20 000 nodes in a tenth of the time; it fails exactly where a matrix is not positive
+definite.
 """
 
 from __future__ import annotations
@@ -78,7 +79,8 @@ class BandCholesky:
                 length = min(rows, below - start - j)
                 both[j : j + length, j] = columns[:length, j]
             inverse = trtri(both[: end - start], lower=1)[0]
-            blocks.append((inverse, both[end - start :]))
+            filled = np.flatnonzero(both.any(axis=1))[-1] + 1  # the rows below are outside of A
+            blocks.append((inverse, both[end - start : filled]))
         return blocks
 
     @classmethod

@@ -209,6 +209,8 @@ class Body(Remade):
     def correct(self, load: Load, displacement: Array) -> Correction:
         """Go on from a displacement in m, (n_nodes, d), to the equilibrium under one load.
 
+        Directions go to the end where they are set up, and a tangent takes longer to factorise.
+
         Raises
         ------
         InputError
@@ -216,10 +218,19 @@ class Body(Remade):
         WorkError
             If no equilibrium is found.
         """
-        from surrogate.mechanics.certify.correction import correct
+        from surrogate.mechanics.certify.correction import Correction, correct
+        from surrogate.mechanics.descent.equilibria import equilibria, sought
+        from surrogate.mechanics.descent.trust import is_narrow
 
-        tolerance = ForceTolerance.of_case(self.case)
-        return correct(self.under(load.pressure), load.dead, displacement, tolerance)
+        tolerance, body = ForceTolerance.of_case(self.case), self.under(load.pressure)
+        if "driven_body" in vars(self) and not is_narrow(body):
+            driven = self.driven_body.under(load.pressure)
+            search = sought(driven, load.dead, displacement, tolerance)
+            for _, found in equilibria(driven.compliance, [search]):
+                if found is not None:
+                    of = found.displacement, "prediction", found.directions, found.residual_norm
+                    return Correction(*of, units=body.units, by="directions")
+        return correct(body, load.dead, displacement, tolerance)
 
     def stresses(
         self,
