@@ -19,7 +19,7 @@ from datagen.cases.case import CaseSource, read_case
 from datagen.cases.placed_body import points_of
 from datagen.mesh.distributed_mesh import Mesh
 from datagen.output.cell_stresses import CellStresses, reactions_of_supports
-from datagen.solver.load_stepping import SolveReport, read_start, solve_from, solve_load_case
+from datagen.solver.load_stepping import read_start, solve_from, solve_load_case
 from datagen.solver.tool_contact import INSIDE, ToolContact, touched
 from datagen.stability import with_stability
 from shared_schema.common.arguments import checked_arguments, real_numbers, require_type
@@ -35,6 +35,7 @@ from shared_schema.common.progress import LoadProgress
 from shared_schema.common.solution_file import write_solution
 from shared_schema.common.units import SI, Units
 from shared_schema.materials import Volumetric
+from shared_schema.samples.results import SolveReport
 from shared_schema.tools import Contact, Tool, parse_tool
 
 if TYPE_CHECKING:

@@ -65,10 +65,10 @@ from scipy.sparse import csc_array, csr_array, diags, vstack
 from scipy.sparse.linalg import LinearOperator, eigs, splu
 
 from datagen.solver.equilibrium import EquilibriumProblem
-from datagen.solver.load_stepping import SolveReport
 from datagen.solver.settings import SolverSettings
 from datagen.solver.supports import Drag
 from shared_schema.common.bodies.equilibrium import imperfection, mean_edge
+from shared_schema.samples.results import SolveReport
 
 SEQUENTIAL_ROOT = 13  # ICNTL of MUMPS: ScaLAPACK does not count pivots
 NEGATIVE_PIVOTS = 12  # INFOG of MUMPS

@@ -31,6 +31,7 @@ PROGRAMS = {  # in whose environment a benchmark is measured
     "normalisation": "surrogate",
     "page": "surrogate",
     "refined-liver": "surrogate",
+    "sampling": "surrogate",
     "tools": "surrogate",
     "trained": "surrogate",
     "training": "surrogate",

@@ -58,8 +58,8 @@ class SolverRecord(Frozen):
         Name of the linear solver: that of the case, or the one chosen for it.
     unknowns : int
         Number of unknowns of a load case.
-    memory : int
-        Largest resident memory of a rank in bytes.
+    memory : int or None
+        Largest resident memory of a rank in bytes; absent from the file if it is not known.
     stability : str or None
         What became of unstable equilibria: "follow", "fail" or "allow"; absent from the file if
         stability was not looked at.
@@ -69,7 +69,7 @@ class SolverRecord(Frozen):
 
     linear_solver: str
     unknowns: int = Field(gt=0)
-    memory: int = Field(gt=0)
+    memory: int | None = Field(None, gt=0, exclude_if=absent)
     stability: str | None = Field(None, exclude_if=absent)
     imperfection: int | None = Field(None, exclude_if=absent)
 
@@ -318,7 +318,7 @@ JOURNAL = ".journal"
 
 @dataclass(frozen=True)
 class Unfinished:
-    """A dataset whose `datagen run` has not ended.
+    """A dataset whose samples are still being made, or that a killed run has left.
 
     Attributes
     ----------
@@ -327,17 +327,20 @@ class Unfinished:
         Number of load cases of the whole dataset.
     shards, finished : int
         Number of all its shards, and of those that are finished since the run began.
+    program : str
+        Command that makes it.
     """
 
     folder: Path
     samples: int
     shards: int
     finished: int
+    program: str = "datagen run"
 
     @property
     def how_to_go_on(self) -> str:
         """Say how the dataset is finished."""
-        return f"run the same `datagen run … --out {self.folder}` again"
+        return f"run the same `{self.program} … --out {self.folder}` again"
 
 
 def growing(unfinished: Unfinished) -> str:
@@ -349,9 +352,10 @@ def find_unfinished(folder: Path) -> Unfinished | None:
     """Read the journal of a folder; None if it has none that can be read."""
     journal = folder / JOURNAL
     try:
-        settings = json.loads((journal / "case.json").read_text(encoding="utf-8"))["dataset"]
-        samples, size = int(settings["samples"]), int(settings["shard_size"])
+        content = json.loads((journal / "case.json").read_text(encoding="utf-8"))
+        samples, size = (int(content["dataset"][key]) for key in ("samples", "shard_size"))
         finished = sum(1 for entry in journal.glob("shard-*.json"))
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
-    return Unfinished(folder, samples, -(-samples // max(size, 1)), finished)
+    program = str(content.get("program", Unfinished.program))
+    return Unfinished(folder, samples, -(-samples // max(size, 1)), finished, program)

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from surrogate.mechanics.descent.aim import UnreachedToleranceWarning
     from surrogate.mechanics.identification.identification import Identification, identify
     from surrogate.mechanics.identification.markers import Markers
+    from surrogate.mechanics.sampling.sampling import sample
     from surrogate.mechanics.touch.grip import Grip, GripFrame
     from surrogate.mechanics.touch.touch import Touch, TouchFrame
     from surrogate.page.page import write_page
@@ -69,6 +70,7 @@ __all__ = [
     "read_config",
     "read_dataset",
     "read_published",
+    "sample",
     "shelve",
     "shelved",
     "train",

@@ -8,7 +8,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, SerializeAsAny, ValidationInfo, field_validator, model_validator
+from pydantic import Field, SerializeAsAny, ValidationInfo, field_validator
 
 from datagen.discretisation.element import Element
 from datagen.mesh.geometries import Geometry
@@ -25,47 +25,16 @@ from shared_schema.common.configuration import (
     validate,
 )
 from shared_schema.common.errors import InputError
-from shared_schema.common.units import SI, Count, Seed, Units
+from shared_schema.common.units import SI, Units
 from shared_schema.load_cases import read_load_cases
 from shared_schema.loads import LoadFamily, load_family
 from shared_schema.loads.regions import AXES, Region
 from shared_schema.manifest import digest_of
 from shared_schema.materials import Material, Volumetric, material_of
+from shared_schema.samples.dataset_settings import DatasetSettings
 
-MOST_SHARDS = 100_000  # their file names have five digits
 Axis = Literal["x", "y", "z"]
 SHIPPED = Path(__file__).parents[1] / "configs"
-
-
-class DatasetSettings(Frozen):
-    """Number of samples, their seed, and their division into shards and splits.
-
-    Attributes
-    ----------
-    samples : int
-        Number of load cases, training and test together.
-    seed : int
-        Seed of the random loads; seed and sample number determine a load.
-    shard_size : int
-        Number of load cases in a shard, the unit in which work is distributed and stored.
-    test_fraction : float
-        Fraction of the samples that `datagen structure` puts into the test split.
-    """
-
-    samples: Count
-    seed: Seed = 0
-    shard_size: Count = 500
-    test_fraction: float = Field(0.05, gt=0, lt=1)
-
-    @model_validator(mode="after")
-    def _has_few_shards(self) -> DatasetSettings:
-        shards = -(-self.samples // self.shard_size)
-        if shards > MOST_SHARDS:
-            raise ValueError(
-                f"samples = {self.samples} in shards of shard_size = {self.shard_size} are "
-                f"{shards} shards, expected at most {MOST_SHARDS}"
-            )
-        return self
 
 
 class Support(Region):

@@ -21,7 +21,7 @@ from shared_schema.common.solution_file import require_suffix
 from shared_schema.tools import contact_line
 
 if TYPE_CHECKING:
-    from datagen.solver.load_stepping import SolveReport
+    from shared_schema.samples.results import SolveReport
 
 
 def add_solve(commands: Commands) -> None:

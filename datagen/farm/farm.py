@@ -18,30 +18,22 @@ from mpi4py import MPI
 from datagen.cases.body import Body, make_body
 from datagen.cases.case import Case, CaseSource, read_case
 from datagen.discretisation.element import element_kind
-from datagen.farm.journal import Journal
-from datagen.farm.shard_job import ShardJob, merged
-from datagen.farm.work_desk import (
-    Interruption,
-    Piece,
-    WorkDesk,
-    plan,
-    shard_count,
-    shard_name,
-    shard_samples,
-)
+from datagen.farm.shard_job import ShardJob
+from datagen.farm.work_desk import Piece, WorkDesk, plan
 from datagen.output.undeformed_stiffness import stiffness_of
 from datagen.ranks import RankGroup, on_rank_zero
 from datagen.transforms.written_dataset import software_versions
 from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.bodies.groups import RawMesh
+from shared_schema.common.bodies.reference_cells import CORNERS
 from shared_schema.common.errors import InputError, StoppedError, WorkError
 from shared_schema.common.machine import largest_resident, require_memory
 from shared_schema.common.progress import Progress
-from shared_schema.layout import Arrays
 from shared_schema.loads import act_between
 from shared_schema.manifest import Manifest, ShardEntry, SolverRecord, write_manifest
 from shared_schema.materials import Volumetric
-from shared_schema.shard import read_attributes, read_shard, write_shard
+from shared_schema.samples.journal import Interruption, Journal
+from shared_schema.shard import read_arrays, read_attributes, read_shard
 from shared_schema.stiffness import write_stiffness
 
 logger = logging.getLogger(__name__)
@@ -114,15 +106,15 @@ def _run(case: Case, folder: Path, group: RankGroup) -> Manifest:
     comm, settings = group.world, case.dataset
     said = f"key 'dataset.samples' = {settings.samples}"
     on_rank_zero(comm, lambda: require_memory(BYTES_PER_SAMPLE * settings.samples, said))
-    journal = Journal(folder)
+    journal = Journal(folder, case, "datagen run")
     body: Body | None = None
     if on_rank_zero(comm, lambda: journal.is_new):
         body = _body(case, group)  # wrong input is found here, before anything is written
         dofs = body.mesh.coordinates.size
         on_rank_zero(comm, lambda: _require_memory(case, dofs))
-    on_rank_zero(comm, lambda: journal.open(case))
+    on_rank_zero(comm, lambda: journal.open(lambda path: _require_same_loads(case, path)))
     try:
-        remaining = on_rank_zero(comm, lambda: _remaining(case, journal))
+        remaining = on_rank_zero(comm, journal.remaining)
         solver: SolverRecord | None = None
         if remaining:
             body = body or _body(case, group)
@@ -146,30 +138,6 @@ def _require_memory(case: Case, dofs: int) -> None:
     samples = min(case.dataset.shard_size, case.dataset.samples)
     what = f"key 'dataset.shard_size': {samples} samples of {dofs} degrees of freedom"
     require_memory(3 * 8.0 * dofs * samples, what)
-
-
-def _remaining(case: Case, journal: Journal) -> dict[int, list[int]]:
-    """Numbers of the unsolved samples of each shard that is not complete."""
-    complete = _complete(case, journal)
-    remaining = {}
-    for shard in range(shard_count(case)):
-        if shard not in complete:
-            parts = journal.parts(shard)
-            names = ("samples/number", "failed/number")
-            done = {int(n) for part in parts for name in names for n in part[name]}
-            remaining[shard] = [n for n in shard_samples(case, shard) if n not in done]
-    return remaining
-
-
-def _complete(case: Case, journal: Journal) -> dict[int, ShardEntry]:
-    """Entries of the finished shards that hold all their samples, by number."""
-    entries = journal.entries()
-    complete = {}
-    for shard in range(shard_count(case)):
-        entry = entries.get(shard_name(shard))
-        if entry and entry.samples + entry.failed == len(shard_samples(case, shard)):
-            complete[shard] = entry
-    return complete
 
 
 def _make_shards(
@@ -250,32 +218,33 @@ def _make_piece(
         if is_first and (job.done == FIRST or job.is_complete) and (text := job.size_warning()):
             logger.warning(text)
     if group.is_leader:
-        _keep(case, journal, body.mesh.cell_type, piece, job)
+        _keep(journal, body.mesh.cell_type, piece, job)
     return wrong
 
 
-def _keep(case: Case, journal: Journal, cell_type: str, piece: Piece, job: ShardJob) -> None:
+def _keep(journal: Journal, cell_type: str, piece: Piece, job: ShardJob) -> None:
     """Write the solved samples of a piece: with those of before as a shard, or as a part of one."""
     if job.is_complete and piece.of == 1 and not journal.extends(piece.shard):
-        shard = merged([*journal.parts(piece.shard), job.arrays()])
-        _write(case, journal, piece.shard, shard, cell_type)
+        journal.finish(piece.shard, [*journal.parts(piece.shard), job.arrays()], cell_type)
     elif job.done:
-        journal.keep_part(piece.shard, job.arrays(), case, cell_type)
+        journal.keep_part(piece.shard, job.arrays(), cell_type)
 
 
-def _write(case: Case, journal: Journal, shard: int, arrays: Arrays, cell_type: str) -> None:
-    """Write a shard that holds all its samples, and record it as finished."""
-    path = journal.folder / shard_name(shard)
-    digest = write_shard(path, "nodal", arrays, case.digest(), cell_type, case.units)
-    journal.record(
-        ShardEntry(
-            file=path.name,
-            samples=len(arrays["samples/number"]),
-            failed=len(arrays["failed/number"]),
-            sha256=digest,
+def _require_same_loads(case: Case, path: Path) -> None:
+    """Raise InputError if distributed loads of a shard or part act on corners of cells alone.
+
+    On elements with points between the nodes, that is so in datasets of earlier versions.
+    """
+    cell_type, between = str(read_attributes(path, "nodal")["cell_type"]), "samples/force_between"
+    if element_kind(case.element, cell_type).corners_only:
+        return
+    if between in read_arrays(path, "nodal", (between,)):
+        return
+    if act_between(case.loads, len(CORNERS[cell_type][0])):
+        raise InputError(
+            f"--out: {path} is made by an earlier version, whose distributed loads act on the "
+            "corners of cells alone; expected another folder"
         )
-    )
-    journal.drop_parts(shard)
 
 
 def _body(case: Case, group: RankGroup) -> Body:
@@ -309,11 +278,7 @@ def _finish(case: Case, journal: Journal, solver: SolverRecord | None) -> Manife
 
     The journal is removed.
     """
-    complete = _complete(case, journal)
-    for shard in (k for k in range(shard_count(case)) if k not in complete):
-        _write(case, journal, shard, merged(journal.parts(shard)), journal.cell_type(shard))
-    complete = _complete(case, journal)
-    shards = tuple(complete[k] for k in range(shard_count(case)))
+    shards = journal.all_shards()
     manifest = journal.complete_manifest(shards)
     if manifest is None:
         made = _manifest(case, journal, shards).model_copy(update={"solver": solver})

@@ -10,24 +10,18 @@ Pieces of work are first whole shards, then small pieces. A piece that is a whol
 written once, directly; small pieces are kept, and put together when all are solved. They let all
 groups finish at almost the same time, at most the time of one small piece apart. A sample does not
 depend on the piece it is solved in.
-
-SIGINT and SIGTERM are recorded, so that the work can stop at a safe point.
 """
 
 from __future__ import annotations
 
 import os
-import signal
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from types import FrameType, TracebackType
-from typing import Any
 
 from mpi4py import MPI
 
-from datagen.cases.case import Case
 from shared_schema.common.errors import FAILED
 
 QUESTION, ANSWER, STOP, CLOSED = 1, 2, 3, 4  # tags
@@ -36,7 +30,6 @@ WAIT = 1e-4  # seconds between two looks of another rank for its answer
 TELL = 0.5  # seconds after which counts are sent alone
 TAIL = 2  # divided shards per group: enough that the last whole shard ends before they do
 PIECES = 10  # pieces of a divided shard, at least
-SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 class WorkDesk:
@@ -190,22 +183,6 @@ class Piece:
     of: int
 
 
-def shard_count(case: Case) -> int:
-    """Number of shards of the dataset."""
-    return -(-case.dataset.samples // case.dataset.shard_size)
-
-
-def shard_name(shard: int) -> str:
-    """File name of a shard."""
-    return f"shard-{shard:05d}.h5"
-
-
-def shard_samples(case: Case, shard: int) -> range:
-    """Sample numbers of a shard."""
-    size = case.dataset.shard_size
-    return range(shard * size, min((shard + 1) * size, case.dataset.samples))
-
-
 def plan(remaining: Mapping[int, Sequence[int]], groups: int) -> list[Piece]:
     """Divide the unsolved samples of a dataset into pieces, in the order in which they are taken.
 
@@ -227,38 +204,3 @@ def plan(remaining: Mapping[int, Sequence[int]], groups: int) -> list[Piece]:
         for start, stop in pairwise(bounds):
             pieces.append(Piece(shard, numbers[start:stop], count))
     return pieces
-
-
-class Interruption:
-    """Context in which a first signal is only recorded; a second one acts as usual.
-
-    Attributes
-    ----------
-    asked : bool
-        True if a signal has come.
-    """
-
-    def __init__(self) -> None:
-        self.asked = False
-        self._before: dict[signal.Signals, Any] = {}
-
-    def __enter__(self) -> Interruption:
-        for number in SIGNALS:
-            self._before[number] = signal.signal(number, self._note)
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._restore()
-
-    def _note(self, number: int, frame: FrameType | None) -> None:
-        self.asked = True
-        self._restore()
-
-    def _restore(self) -> None:
-        for number, handler in self._before.items():
-            signal.signal(number, handler)

@@ -92,9 +92,10 @@ def _solver(manifest: Manifest) -> list[Row]:
     if solver is None:
         return []
     element = manifest.case.get("element", "linear")
+    memory = "" if solver.memory is None else f", {megabytes(solver.memory)} a rank at most"
     return [
         ("elements", f"{element}, {solver.unknowns} unknowns"),
-        ("linear solver", f"{solver.linear_solver}, {megabytes(solver.memory)} a rank at most"),
+        ("linear solver", solver.linear_solver + memory),
     ]
 
 

@@ -34,7 +34,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -43,6 +43,7 @@ from numpy.typing import NDArray
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.settings import SolverSettings
 from shared_schema.common.solution_file import read_field
+from shared_schema.samples.results import SolveReport
 
 GROWTH, CUT = 2.0, 0.5  # factors of Δs
 FRICTION_STEP = 0.05
@@ -50,45 +51,6 @@ Array = NDArray[np.float64]
 KRYLOV = 0.3  # residual of the last Krylov iteration over the tolerance
 SAME_PLACE = 1e-6  # largest difference of positions over the size of the mesh
 ROUNDING = 1e-12  # of energies, relative: a start in equilibrium may end a little above itself
-
-
-@dataclass(frozen=True)
-class SolveReport:
-    """Outcome of one load case.
-
-    Attributes
-    ----------
-    solved : bool
-    reason : int
-        PETSc's SNESConvergedReason of the last Newton solve.
-    explanation : str
-        The reason in words.
-    load_factor : float
-        Load factor s of the last equilibrium: 1 if solved.
-    load_steps : int
-        Number of load steps that converged.
-    cutbacks : int
-        Number of load steps that failed and were cut back.
-    newton_iterations : int
-        Number of Newton iterations over all steps, failed ones included.
-    residual_norm : float
-        2-norm of the residual of the last Newton solve, in N.
-    stable : bool
-        False if the equilibrium is unstable (`datagen.stability`), which is found out afterwards.
-    left : bool
-        True if an unstable equilibrium was left for this one.
-    """
-
-    solved: bool
-    reason: int
-    explanation: str
-    load_factor: float
-    load_steps: int
-    cutbacks: int
-    newton_iterations: int
-    residual_norm: float
-    stable: bool = True
-    left: bool = False
 
 
 def solve_load_case(

@@ -9,9 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from datagen.cases.case import DatasetSettings
 from datagen.discretisation.element import Element, element_kind
-from datagen.output.undeformed_stiffness import stiffness_of
 from datagen.transforms.grid_choice import (
     embedded,
     embedded_within,
@@ -47,6 +45,7 @@ from shared_schema.manifest import (
     write_manifest,
 )
 from shared_schema.materials import materials_of
+from shared_schema.samples.dataset_settings import DatasetSettings
 from shared_schema.shard import write_shard
 from shared_schema.stiffness import Stiffness, read_stiffness, write_stiffness
 
@@ -157,6 +156,8 @@ def _make(
         stiffness = read_stiffness(reader.folder)
     elif element_kind(element, cell_type).corners_only:
         # written by a version whose `datagen run` did not assemble it
+        from datagen.output.undeformed_stiffness import stiffness_of  # of dolfinx
+
         source = f"{reader.folder / MANIFEST}: case.material"
         stiffness = stiffness_of(
             mesh_of(reader),

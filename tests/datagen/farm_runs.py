@@ -27,7 +27,7 @@ HELD = """
 import sys, time
 from pathlib import Path
 from datagen.command_line import main
-from datagen.farm.work_desk import Interruption
+from shared_schema.samples.journal import Interruption
 from datagen.farm.shard_job import ShardJob
 gate, shards = Path(sys.argv[1]), int(sys.argv[2])
 del sys.argv[1:3]

@@ -19,7 +19,7 @@ from datagen.discretisation.element import Element
 from datagen.mesh.distributed_mesh import distributed
 from datagen.mesh.geometries import Box
 from datagen.solver.equilibrium import EquilibriumProblem
-from datagen.solver.load_stepping import SolveReport, solve_load_case
+from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import LinearSolver, SolverSettings
 from datagen.stability import (
     NOT_LEFT,
@@ -40,6 +40,7 @@ from shared_schema.loads import LoadableNodes
 from shared_schema.loads.distributed_forces import point_areas
 from shared_schema.manifest import Manifest, write_manifest
 from shared_schema.materials import NeoHookean
+from shared_schema.samples.results import SolveReport
 from shared_schema.shard import read_shard, write_shard
 from tests.datagen.farm_runs import assert_same, finish
 from tests.datagen.farm_runs import datagen as words

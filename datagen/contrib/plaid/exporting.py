@@ -16,13 +16,13 @@ from typing import Any, Literal
 
 import numpy as np
 
-from datagen.cases.case import DatasetSettings
 from datagen.transforms.reindexing import nodal_forces_of, split_of
 from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError, WorkError
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.manifest import Manifest
+from shared_schema.samples.dataset_settings import DatasetSettings
 
 MODULE = "plaid"
 ELEMENTS = {  # meshio's names and CGNS's, with the same order of corners

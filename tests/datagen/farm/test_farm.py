@@ -18,11 +18,11 @@ from mpi4py import MPI
 
 from datagen.cases.case import SHIPPED, Case, read_case
 from datagen.farm.farm import run
-from datagen.farm.journal import Journal
-from datagen.farm.work_desk import Piece, plan, shard_count, shard_samples
+from datagen.farm.work_desk import Piece, plan
 from shared_schema.checker import check_dataset
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import read_manifest, write_manifest
+from shared_schema.samples.journal import Journal
 from shared_schema.shard import read_shard
 from shared_schema.stiffness import STIFFNESS_FILE
 from tests.datagen.farm_runs import (
@@ -76,8 +76,8 @@ def serial(case: Case, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_every_sample_is_in_one_shard(case: Case, serial: Path) -> None:
     """120 samples in shards of 25: 4 full ones and one of 20."""
-    assert shard_count(case) == 5
-    numbers = [n for k in range(5) for n in shard_samples(case, k)]
+    assert case.dataset.shards == 5
+    numbers = [n for k in range(5) for n in case.dataset.samples_of(k)]
     assert numbers == list(range(120))
     found = [
         read_shard(serial / entry.file, "nodal")["samples/number"]
@@ -319,8 +319,8 @@ def test_a_second_run_is_refused(
 ) -> None:
     monkeypatch.setattr("shared_schema.common.folder_lock.WAIT", 0.1)
     folder = tmp_path / "nodal"
-    first = Journal(folder)
-    first.open(case)
+    first = Journal(folder, case, "datagen run")
+    first.open()
     with pytest.raises(InputError, match="another run is working"):
         run(case, folder, comm=MPI.COMM_SELF)
     first.close()

@@ -15,11 +15,11 @@ from mpi4py import MPI
 
 from datagen.cases.case import Case, read_case
 from datagen.farm.farm import run
-from datagen.farm.journal import Journal
 from datagen.farm.shard_job import ShardJob
 from datagen.transforms.reindexing import structure
 from shared_schema.checker import check_dataset
 from shared_schema.common.errors import InputError, StoppedError
+from shared_schema.samples.journal import Journal
 from tests.datagen.farm_runs import (
     all_end,
     assert_same,
@@ -78,7 +78,7 @@ def bound_by_permissions() -> list[str]:
 
 def finished(folder: Path) -> dict[str, int]:
     """Shards that count, each of which is intact, and when they were written."""
-    names = Journal(folder).entries()
+    names = Journal(folder, read_case("beam2d"), "datagen run").entries()
     assert len(names) == recorded(folder)
     return {name: (folder / name).stat().st_mtime_ns for name in names}
 

@@ -168,7 +168,7 @@ def test_killed_at_the_end(
 
     target = f"datagen.farm.farm.{moment}"
     with monkeypatch.context() as patch:
-        from datagen.farm.journal import Journal
+        from shared_schema.samples.journal import Journal
 
         original = getattr(Journal, moment.removeprefix("Journal."), pytest.fail)
         patch.setattr(target, die_of_last)

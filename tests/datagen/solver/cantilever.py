@@ -12,12 +12,13 @@ from datagen.discretisation.element import Element
 from datagen.mesh.distributed_mesh import Mesh, distributed
 from datagen.mesh.geometries import Box
 from datagen.solver.equilibrium import EquilibriumProblem
-from datagen.solver.load_stepping import SolveReport, solve_load_case
+from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings
 from shared_schema.common.bodies.groups import RawMesh
 from shared_schema.loads import LoadableNodes
 from shared_schema.loads.distributed_forces import point_areas
 from shared_schema.materials import NeoHookean
+from shared_schema.samples.results import SolveReport
 
 SIMPLICES = {  # of a quadrilateral and of a hexahedron
     2: ((0, 1, 2), (0, 2, 3)),

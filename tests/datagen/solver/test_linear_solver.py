@@ -24,11 +24,12 @@ from datagen.mesh.geometries import Box
 from datagen.solver.corotation import rotations
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.linear_solver import CROSSOVER, chosen_solver, factors, rigid_body_modes
-from datagen.solver.load_stepping import SolveReport, solve_load_case
+from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import LinearSolver, SolverSettings
 from shared_schema.common.bodies.cells import outward_facets
 from shared_schema.common.errors import InputError, WorkError
 from shared_schema.materials import NeoHookean
+from shared_schema.samples.results import SolveReport
 from tests.datagen.solver.cantilever import bent, box
 
 SIZE, CELLS = (4.0, 1.0, 1.0), (8, 2, 2)

@@ -11,11 +11,12 @@ from mpi4py import MPI
 from datagen.mesh.distributed_mesh import make_mesh
 from datagen.mesh.geometries import Box
 from datagen.solver.equilibrium import EquilibriumProblem
-from datagen.solver.load_stepping import SolveReport, solve_load_case
+from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import LinearSolver, SolverSettings
 from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError
 from shared_schema.materials import NeoHookean
+from shared_schema.samples.results import SolveReport
 
 
 @cache

@@ -14,20 +14,19 @@ from __future__ import annotations
 
 import json
 import shutil
+import signal
+from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import Any
+from types import FrameType, TracebackType
+from typing import Any, Protocol
 
-from datagen.cases.case import Case
-from datagen.discretisation.element import element_kind
-from datagen.farm.work_desk import shard_name
-from shared_schema.common.bodies.reference_cells import CORNERS
 from shared_schema.common.configuration import difference_text, differences, validate
 from shared_schema.common.errors import InputError
 from shared_schema.common.files import remove_partial_files, require_writable, sha256, write_text
 from shared_schema.common.folder_lock import LOCK, FolderLock
+from shared_schema.common.units import Units
 from shared_schema.layout import Arrays
-from shared_schema.loads import act_between
 from shared_schema.manifest import (
     JOURNAL,
     MANIFEST,
@@ -37,15 +36,37 @@ from shared_schema.manifest import (
     digest_of,
     read_manifest,
 )
-from shared_schema.shard import read_arrays, read_attributes, read_shard, write_shard
+from shared_schema.samples.dataset_settings import DatasetSettings, shard_name
+from shared_schema.samples.results import merged
+from shared_schema.shard import read_attributes, read_shard, write_shard
 from shared_schema.stiffness import STIFFNESS_FILE
 
-SAMPLES = "dataset.samples"
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+SAMPLES, PROGRAM = "dataset.samples", "program"
+PROGRAMS = ("datagen run", "surrogate sample")  # which the software of a manifest names
 FILES = (  # with their checksums
     ("mesh", "sha256", "path"),
     ("load", "family_sha256", "family"),
     ("material", "model_sha256", "model"),
 )
+
+
+class SampledCase(Protocol):
+    """The case of a dataset, as far as its samples are concerned."""
+
+    @property
+    def dataset(self) -> DatasetSettings:
+        """Number of samples and of shards."""
+
+    @property
+    def units(self) -> Units:
+        """Labels of its units."""
+
+    def plain(self) -> dict[str, Any]:
+        """The whole configuration as plain data."""
+
+    def digest(self) -> str:
+        """SHA-256 of it."""
 
 
 class Journal:
@@ -55,10 +76,13 @@ class Journal:
     ----------
     folder : Path
         Folder of the dataset; created if it does not exist.
+    case : SampledCase
+    program : str
+        Command that makes the samples. Another one does not go on with them.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    def __init__(self, folder: Path, case: SampledCase, program: str) -> None:
+        self.folder, self.case, self.program = folder, case, program
         self._journal = folder / JOURNAL
         self._lock = ExitStack()
         self._before: Manifest | None = None
@@ -69,8 +93,13 @@ class Journal:
         require_writable(self.folder)
         return not (self._journal.exists() or (self.folder / MANIFEST).exists())
 
-    def open(self, case: Case) -> None:
-        """Lock the folder for this run and check that its content belongs to `case`.
+    def open(self, require: Callable[[Path], None] = lambda path: None) -> None:
+        """Lock the folder for this run and check that its content belongs to the case.
+
+        Parameters
+        ----------
+        require : callable
+            Raises InputError if further samples cannot go with those of a shard or part.
 
         Raises
         ------
@@ -81,34 +110,43 @@ class Journal:
             raise InputError(f"--out '{self.folder}': expected a folder, found a file")
         self._lock.enter_context(FolderLock(self.folder))
         try:
-            self._claim(case)
+            self._claim(require)
         except BaseException:
             self.close()
             raise
 
-    def _claim(self, case: Case) -> None:
+    def _claim(self, require: Callable[[Path], None]) -> None:
         """Check the locked folder's content, and record the case in the journal."""
-        manifest = self._manifest()
-        if manifest is not None and manifest.case_digest != case.digest():
+        manifest, wanted = self._manifest(), self.case.plain()
+        if manifest is not None and manifest.case_digest != self.case.digest():
             self._before = manifest
         found = _json(self._journal / "case.json")
         is_recorded = isinstance(found, dict)
         if is_recorded:
-            _require_same(self.folder, found, case.plain())
+            self._require_program(found.pop(PROGRAM, self.program))
+            _require_same(self.folder, found, wanted)
         elif manifest is not None:
-            _require_same_or_fewer(self.folder, manifest.case, case.plain())
+            _require_same_or_fewer(self.folder, manifest.case, wanted)
         elif not self._journal.exists() and any(p.name != LOCK for p in self.folder.iterdir()):
             raise InputError(f"--out '{self.folder}': the folder holds something else")
         if not is_recorded:
-            self._require_shards_of(case)
+            self._require_shards_of_case()
         if manifest is None or self._before is not None:  # further samples are to be solved
-            self._require_same_loads(case)
+            for path in self._kept():
+                require(path)
         self._journal.mkdir(exist_ok=True)
         for folder in (self.folder, self._journal):
             remove_partial_files(folder)
         if not is_recorded:
-            text = json.dumps(case.plain(), indent=1) + "\n"
+            text = json.dumps({**wanted, PROGRAM: self.program}, indent=1) + "\n"
             write_text(self._journal / "case.json", text)
+
+    def _require_program(self, maker: str) -> None:
+        if maker != self.program:
+            raise InputError(
+                f"--out '{self.folder}': `{maker}` makes these samples, expected another folder "
+                f"for those of `{self.program}`"
+            )
 
     def _manifest(self) -> Manifest | None:
         """Manifest of a complete dataset in the folder; InputError if `run` did not make it."""
@@ -119,8 +157,10 @@ class Journal:
             steps = ", ".join(str(step.get("name")) for step in manifest.transforms)
             raise InputError(
                 f"--out '{self.folder}': holds a dataset that was changed afterwards ({steps}), "
-                "expected one as `datagen run` makes it"
+                f"expected one as `{self.program}` makes it"
             )
+        makers = [name for name in PROGRAMS if name.partition(" ")[0] in manifest.software]
+        self._require_program(makers[0] if makers else self.program)
         return manifest
 
     @property
@@ -151,29 +191,11 @@ class Journal:
         parts = sorted(self._journal.glob("part-*.h5"))
         return [*shards, *(part for part in parts if _is_intact(part))]
 
-    def _require_same_loads(self, case: Case) -> None:
-        """Raise InputError if distributed loads of kept samples act on corners of cells alone.
-
-        On elements with points between the nodes, that is so in datasets of earlier versions.
-        """
-        for path in self._kept():
-            cell_type = str(read_attributes(path, "nodal")["cell_type"])
-            if element_kind(case.element, cell_type).corners_only:
-                return
-            between = "samples/force_between"
-            if between in read_arrays(path, "nodal", (between,)):
-                continue
-            if act_between(case.loads, len(CORNERS[cell_type][0])):
-                raise InputError(
-                    f"--out '{self.folder}': made by an earlier version, whose distributed loads "
-                    "act on the corners of cells alone; expected another folder"
-                )
-
-    def _require_shards_of(self, case: Case) -> None:
+    def _require_shards_of_case(self) -> None:
         """Raise InputError unless every shard and part is of this case."""
         kept = self._kept()
         manifest = self._manifest()
-        digests = {case.digest()} | (set() if manifest is None else manifest.case_digests)
+        digests = {self.case.digest()} | (set() if manifest is None else manifest.case_digests)
         for path in kept:
             if read_attributes(path, "nodal")["case_digest"] not in digests:
                 raise InputError(
@@ -215,17 +237,64 @@ class Journal:
             return None
         return manifest
 
+    def complete(self) -> dict[int, ShardEntry]:
+        """Entries of the finished shards that hold all their samples, by number."""
+        entries, settings, complete = self.entries(), self.case.dataset, {}
+        for shard in range(settings.shards):
+            entry = entries.get(shard_name(shard))
+            if entry and entry.samples + entry.failed == len(settings.samples_of(shard)):
+                complete[shard] = entry
+        return complete
+
+    def remaining(self) -> dict[int, list[int]]:
+        """Numbers of the unsolved samples of each shard that is not complete."""
+        complete, remaining, settings = self.complete(), {}, self.case.dataset
+        for shard in range(settings.shards):
+            if shard not in complete:
+                names = ("samples/number", "failed/number")
+                done = {int(n) for part in self.parts(shard) for name in names for n in part[name]}
+                remaining[shard] = [n for n in settings.samples_of(shard) if n not in done]
+        return remaining
+
+    def keep_part(self, shard: int, arrays: Arrays, cell_type: str) -> None:
+        """Write the solved part of an unfinished shard, and then its checksum."""
+        first = min([*arrays["samples/number"], *arrays["failed/number"]])
+        path = self._journal / f"part-{shard:05d}-{first:08d}.h5"
+        write_text(path.with_suffix(".sha256"), self._written(path, arrays, cell_type))
+
+    def finish(self, shard: int, parts: list[Arrays], cell_type: str) -> None:
+        """Write a shard that has all its samples, and record it."""
+        arrays, path = merged(parts), self.folder / shard_name(shard)
+        entry = ShardEntry(
+            file=path.name,
+            samples=len(arrays["samples/number"]),
+            failed=len(arrays["failed/number"]),
+            sha256=self._written(path, arrays, cell_type),
+        )
+        self.record(entry)
+        self.drop_parts(shard)
+
     def record(self, entry: ShardEntry) -> None:
         """Record a shard as finished; its file must be complete."""
         path = self._journal / f"{Path(entry.file).stem}.json"
         write_text(path, entry.model_dump_json() + "\n")
 
-    def keep_part(self, shard: int, arrays: Arrays, case: Case, cell_type: str) -> None:
-        """Write the solved part of an unfinished shard, and then its checksum."""
-        first = min([*arrays["samples/number"], *arrays["failed/number"]])
-        path = self._journal / f"part-{shard:05d}-{first:08d}.h5"
-        digest = write_shard(path, "nodal", arrays, case.digest(), cell_type, case.units)
-        write_text(path.with_suffix(".sha256"), digest)
+    def drop_parts(self, shard: int) -> None:
+        """Remove the parts of a finished shard."""
+        for path in self._journal.glob(f"part-{shard:05d}-*"):
+            path.unlink(missing_ok=True)
+
+    def _written(self, path: Path, arrays: Arrays, cell_type: str) -> str:
+        return write_shard(path, "nodal", arrays, self.case.digest(), cell_type, self.case.units)
+
+    def all_shards(self) -> tuple[ShardEntry, ...]:
+        """Entries of all shards; those whose samples are in parts are finished first."""
+        complete = self.complete()
+        for shard in range(self.case.dataset.shards):
+            if shard not in complete:
+                self.finish(shard, self.parts(shard), self.cell_type(shard))
+        complete = self.complete()
+        return tuple(complete[shard] for shard in range(self.case.dataset.shards))
 
     def parts(self, shard: int) -> list[Arrays]:
         """Read the intact parts of an unfinished shard, and the shard that it was before."""
@@ -249,11 +318,6 @@ class Journal:
         entries = {entry.file: entry.sha256 for entry in self._before.shards}
         return path.is_file() and entries.get(path.name) == sha256(path)
 
-    def drop_parts(self, shard: int) -> None:
-        """Remove the parts of a finished shard."""
-        for path in self._journal.glob(f"part-{shard:05d}-*"):
-            path.unlink(missing_ok=True)
-
     def remove(self) -> None:
         """Remove the journal of a complete dataset."""
         shutil.rmtree(self._journal, ignore_errors=True)
@@ -261,6 +325,41 @@ class Journal:
     def close(self) -> None:
         """Unlock the folder."""
         self._lock.close()
+
+
+class Interruption:
+    """Context in which a first signal is only recorded; a second one acts as usual.
+
+    Attributes
+    ----------
+    asked : bool
+        True if a signal has come.
+    """
+
+    def __init__(self) -> None:
+        self.asked = False
+        self._before: dict[signal.Signals, Any] = {}
+
+    def __enter__(self) -> Interruption:
+        for number in SIGNALS:
+            self._before[number] = signal.signal(number, self._note)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._restore()
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        self.asked = True
+        self._restore()
+
+    def _restore(self) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
 
 
 def _json(path: Path) -> Any:
