@@ -136,13 +136,9 @@ lint: .venv-surrogate/.installed $(WEB)/node_modules/.package-lock.json ## check
 	.venv-surrogate/bin/mypy
 	cd $(WEB) && npm run --silent lint
 
-# From copies, so that nothing is left among the sources; each with the licence.
-dist: .venv-surrogate/.installed ## build wheels of the three distributions in dist/
-	@rm -rf build/dist dist && mkdir -p build/dist
-	@tar -c --exclude node_modules --exclude __pycache__ --exclude '*.egg-info' \
-		shared_schema datagen surrogate | tar -x -C build/dist
-	@for part in build/dist/*; do cp LICENSE $$part; done
-	.venv-surrogate/bin/pip wheel -q --no-deps --wheel-dir dist build/dist/*
+dist: ## build wheels of the three distributions in dist/ (python3 -m tools.wheels, with `build` installed)
+	@rm -rf dist && python3 -m venv build/wheels && build/wheels/bin/pip install -q build
+	build/wheels/bin/python -m tools.wheels dist
 	@ls dist
 
 docs: setup .venv-docs/.installed ## build the documentation as a site in build/site, check its links

@@ -12,8 +12,9 @@ raises `InputError`, work that fails `WorkError`.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from datagen.needed import solvers_named
 from shared_schema.common.lazy_names import lazy_names
 
 if TYPE_CHECKING:
@@ -52,4 +53,9 @@ __all__ = [
     "solve",
     "structure",
 ]
-__getattr__, __dir__ = lazy_names(__name__)
+_found, __dir__ = lazy_names(__name__)
+
+
+def __getattr__(name: str) -> Any:
+    with solvers_named(f"datagen.{name}"):
+        return _found(name)

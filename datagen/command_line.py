@@ -9,6 +9,7 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Sequence
+from importlib.util import find_spec
 
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")  # before numpy loads: only ranks run in parallel
@@ -19,6 +20,7 @@ from datagen.commands.export import add_export
 from datagen.commands.make import add_body, add_noise, add_run, add_structure
 from datagen.commands.show import add_check, add_info, add_list, add_plot, add_schema
 from datagen.commands.solve import add_solve
+from datagen.needed import solvers_named
 from shared_schema.common.command_line import Parser, make_parser, parsed, run_command
 from shared_schema.common.errors import FAILED, InputError, StoppedError
 
@@ -30,13 +32,19 @@ COMMANDS = (
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; return its exit code (0 done, 1 failed, 2 wrong input)."""
-    options = parsed(_parser(), arguments)
+    given = sys.argv[1:] if arguments is None else arguments
+    options = parsed(_parser(), given)
     # dolfinx reads the words for itself, as UTF-8
     sys.argv = [word.encode(errors="replace").decode() for word in sys.argv]
     command: Callable[[argparse.Namespace], None] = options.command
-    if "collective" in options:
-        return _on_every_rank(lambda: command(options))
-    return run_command("datagen", lambda: command(options))
+
+    def run() -> None:
+        with solvers_named(f"datagen {given[0]}"):
+            command(options)
+
+    if "collective" in options and find_spec("mpi4py") is not None:
+        return _on_every_rank(run)
+    return run_command("datagen", run)
 
 
 def _on_every_rank(command: Callable[[], None]) -> int:

@@ -12,8 +12,9 @@ import numpy as np
 
 from datagen.mesh.groups import Group
 from datagen.mesh.raw_mesh import raw_mesh
+from datagen.needed import GMSH
 from shared_schema.common.bodies.groups import KINDS, RawMesh
-from shared_schema.common.errors import first_line
+from shared_schema.common.errors import WorkError, first_line
 
 MESHIO_NAMES = {1: "line", 2: "triangle", 3: "quad", 4: "tetra", 5: "hexahedron", 15: "vertex"}
 
@@ -28,8 +29,16 @@ def gmsh_session(parameters: Mapping[str, float] = MappingProxyType({})) -> Iter
     ----------
     parameters : mapping of str to float
         Constants that take the place of those of a script's ``DefineConstant``.
+
+    Raises
+    ------
+    WorkError
+        If gmsh is not installed.
     """
-    import gmsh
+    try:
+        import gmsh
+    except (ImportError, OSError) as error:  # a library of the desktop is not there
+        raise WorkError(f"a mesh needs gmsh ({first_line(error)}); {GMSH}") from None
 
     pairs = [("-setnumber", name, repr(value)) for name, value in parameters.items()]
     gmsh.initialize(["gmsh", *(text for pair in pairs for text in pair)])

@@ -123,7 +123,6 @@ class RunningStatistics:
 
 def software_versions(solved: bool = True) -> dict[str, str]:
     """Versions by name of software, as the manifest stores them; solvers only if they were used."""
-    import gmsh
     import h5py
     import numpy as np
 
@@ -131,10 +130,19 @@ def software_versions(solved: bool = True) -> dict[str, str]:
         "datagen": __version__,
         "python": platform.python_version(),
         **(_solvers() if solved else {}),
-        "gmsh": gmsh.GMSH_API_VERSION,
+        **_gmsh(),
         "h5py": h5py.__version__,
         "numpy": np.__version__,
     }
+
+
+def _gmsh() -> dict[str, str]:
+    """Version of gmsh, if it is there: a mesh need not be its."""
+    try:
+        import gmsh
+    except (ImportError, OSError):
+        return {}
+    return {"gmsh": gmsh.GMSH_API_VERSION}
 
 
 def _solvers() -> dict[str, str]:

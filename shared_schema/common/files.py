@@ -55,7 +55,9 @@ def complete_or_absent(path: Path) -> Iterator[Path]:
 
 
 def _synchronise(folder: Path) -> None:
-    """Synchronise a folder with the disk, if the file system supports it."""
+    """Synchronise a folder with the disk, if the system and the file system support it."""
+    if os.name == "nt":
+        return
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(descriptor)

@@ -2,9 +2,9 @@
 
 The folder holds a file ``.lock`` as long as its owner works. Two signs say that the owner lives:
 
-1. a lock of the operating system on the file (``flock``), which ends with its process; some file
-   systems of clusters do not have it (Lustre without ``flock``), others have it only among the
-   processes of one machine (Lustre with ``localflock``, BeeGFS);
+1. a lock of the operating system on the file (``flock``), which ends with its process; Windows
+   does not have it, nor do some file systems of clusters (Lustre without ``flock``), others have it
+   only among the processes of one machine (Lustre with ``localflock``, BeeGFS);
 2. the heartbeat: the owner counts in the file every `BEAT` seconds.
 
 On the owner's machine the first sign decides, if there is one; elsewhere the second: an owner whose
@@ -14,7 +14,6 @@ count stands still for `DEAD_AFTER` seconds is dead, and its lock is taken over.
 from __future__ import annotations
 
 import errno
-import fcntl
 import os
 import socket
 import threading
@@ -25,12 +24,16 @@ from types import TracebackType
 
 from shared_schema.common.errors import InputError
 
+with suppress(ModuleNotFoundError):  # Windows has none
+    import fcntl
+
 LOCK = ".lock"
 WAIT = 3.0  # seconds that the processes of a killed program may take to end
 BEAT = 5.0  # seconds between two heartbeats
 DEAD_AFTER = 30.0  # seconds without a heartbeat after which an owner counts as dead
 POLL = 0.05  # seconds between two looks at a lock
 WITHOUT = (errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOLCK, errno.EINVAL, errno.EBADF)  # no `flock`
+LOCKS = "fcntl" in globals()
 BOOT = Path("/proc/sys/kernel/random/boot_id")  # of Linux
 
 
@@ -81,9 +84,12 @@ class FolderLock:
         assert self._file is not None
         self._ended.set()
         self._heart.join()  # before its file is closed, whose number may then be another file's
+        if not LOCKS:  # Windows removes no open file
+            os.close(self._file)
         with suppress(OSError):  # a disk that became read-only; the lock is dead nevertheless
             self._path.unlink()
-        os.close(self._file)
+        if LOCKS:
+            os.close(self._file)
 
     def _taken(self) -> bool:
         """Try once to take the lock; True if this process owns it."""
@@ -142,7 +148,9 @@ class FolderLock:
 
 
 def _flock(file: int) -> bool | None:
-    """Lock a file; False if another process has it, None where the file system has no locks."""
+    """Lock a file; False if another process has it, None where there are no locks."""
+    if not LOCKS:
+        return None
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -165,7 +173,8 @@ def _is_at(file: int, path: Path) -> bool:
 def _write(file: int, count: int) -> None:
     """Write the owner's name and heartbeat over those before."""
     text = _text(count).encode()
-    os.pwrite(file, text, 0)
+    os.lseek(file, 0, os.SEEK_SET)
+    os.write(file, text)
     os.ftruncate(file, len(text))
 
 

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import platform
-import resource
+import sys
+from contextlib import suppress
 from pathlib import Path
 
 from shared_schema.common.errors import InputError
+
+with suppress(ModuleNotFoundError):  # Windows has none
+    import resource
 
 GIB = 2**30
 PROC, CGROUPS = Path("/proc"), Path("/sys/fs/cgroup")  # of Linux
@@ -42,8 +46,11 @@ def require_memory(needed: float, what: str, argument: str = "") -> None:
 
 
 def largest_resident() -> int:
-    """Largest resident memory that this process has had so far, in bytes."""
-    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss  # in kB on Linux
+    """Largest resident memory that this process has had so far, in bytes; 0 on Windows."""
+    if "resource" not in globals():
+        return 0
+    unit = 1 if sys.platform == "darwin" else 1024
+    return unit * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
 def megabytes(size: float) -> str:
@@ -82,9 +89,11 @@ def _file_cache(folder: Path) -> float:
 
 def _of_process() -> float:
     """Limit of the address space (``ulimit -v``), less what this process has."""
-    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
     sizes = _lines(PROC / "self" / "statm")
-    if limit == resource.RLIM_INFINITY or not sizes:
+    if not sizes or "resource" not in globals():
+        return float("inf")
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if limit == resource.RLIM_INFINITY:
         return float("inf")
     return limit - float(sizes[0].split()[0]) * resource.getpagesize()
 

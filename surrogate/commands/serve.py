@@ -75,7 +75,8 @@ def run(options: argparse.Namespace) -> None:
     try:
         from surrogate.serving.server import Server, serve_forever
     except ImportError:
-        raise InputError("serve: expected websockets: pip install surrogate[serve]") from None
+        said = "serve: expected websockets: pip install 'solid-surrogate[serve]'"
+        raise InputError(said) from None
 
     def ready(server: Server) -> None:
         for socket in server.sockets:

@@ -38,7 +38,7 @@ def requirements() -> dict[str, list[Requirement]]:
     lines = [*surrogate["dependencies"], *contract["dependencies"]]
     for extra in EXTRAS:
         lines += surrogate["optional-dependencies"][extra]
-    ours = {"shared-schema", "torch"}  # the one from its folder, the other by TORCH
+    ours = {"solid-schema", "torch"}  # the one from its folder, the other by TORCH
     text = (ROOT / "datagen" / "requirements.txt").read_text()
     found = {
         "surrogate": [r for r in map(Requirement, lines) if plain(r.name) not in ours],

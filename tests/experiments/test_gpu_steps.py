@@ -123,7 +123,7 @@ def test_steps_need_no_other_packages_than_those_that_are_there() -> None:
             name = re.match(r"[A-Za-z0-9-]+", line)
             assert name is not None
             declared.add(IMPORTED.get(name[0], name[0]))
-    missing = sorted(declared - there - {"shared-schema"})
+    missing = sorted(declared - there - {"solid-schema"})
     assert "meshio" in missing
     program = (
         f"import sys; sys.modules.update(dict.fromkeys({missing}))\n"

@@ -351,7 +351,8 @@ def require_packages(kind: Format) -> None:
     missing = [name for name in ONNX_PACKAGES if kind == "onnx" and find_spec(name) is None]
     if missing:
         raise InputError(
-            f"format 'onnx': needs {', '.join(missing)}, expected pip install 'surrogate[export]'",
+            f"format 'onnx': needs {', '.join(missing)}, "
+            "expected pip install 'solid-surrogate[export]'",
             "format",
         )
 
