@@ -94,4 +94,4 @@ def arguments(parser: Parser) -> None:
     cases = ",".join(sorted(p.stem for p in (ROOT / "datagen" / "configs").glob("*.yaml")))
     parser.add_argument("--cases", default=cases, help="names, separated by commas")
     parser.add_argument("--samples", type=int, default=40)
-    parser.add_argument("--work", type=Path, default=ROOT / "build" / "sampling")
+    parser.add_argument("--work", type=Path, default=Path("build/sampling"))
