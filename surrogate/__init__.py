@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from surrogate.mechanics.touch.grip import Grip, GripFrame
     from surrogate.mechanics.touch.touch import Touch, TouchFrame
     from surrogate.page.page import write_page
+    from surrogate.page.shape import page_of_shape
 
 __version__ = "0.2.0"
 __all__ = [
@@ -67,6 +68,7 @@ __all__ = [
     "first_config",
     "identify",
     "load",
+    "page_of_shape",
     "read_config",
     "read_dataset",
     "read_published",

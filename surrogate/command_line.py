@@ -14,7 +14,7 @@ from surrogate.extensions import CONTRIB
 
 NAMES = (  # in the order of the help
     "init schema sample train evaluate calibrate compare predict identify "
-    "balance export report page serve list shelve"
+    "balance export report page touch serve list shelve"
 )
 ELSEWHERE = {**CONTRIB, **dict.fromkeys(("list", "shelve"), "surrogate.commands.shelf")}
 COMMANDS = {

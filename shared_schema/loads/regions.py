@@ -1,7 +1,7 @@
 """Regions select nodes by coordinates, named groups or numbers, or as those of the surface.
 
-Examples are ``{x: "> 0", y: 1}``, ``{group: name}``, ``{nodes: clamped.txt, nodes_from: 1}`` and
-``{boundary: true, x: "> 0"}``.
+Examples are ``{x: "> 0", y: 1}``, ``{z: "> 0 and < 0.1"}``, ``{sphere: [0, 0, 1, 0.2]}``,
+``{group: name}``, ``{nodes: clamped.txt, nodes_from: 1}`` and ``{boundary: true, x: "> 0"}``.
 """
 
 from __future__ import annotations
@@ -50,16 +50,20 @@ class Region(Frozen):
         Number of the first node of the mesh; expected with `nodes`. It is 1 for files that number
         their nodes from another number on, with gaps or out of order.
     boundary : bool
-        Only nodes of the surface: those of facets that belong to one cell.
+        Only nodes of the surface: those of facets that belong to one cell. Loads leave clamped
+        nodes out.
+    sphere : tuple of float, optional
+        Centre and radius in m, d + 1 numbers: only nodes inside, or on, this sphere or disc.
     x, y, z : float, str or None
         Condition on a coordinate in m: a number (equality), a comparison such as ``"> 0"`` or
-        ``"<= 2"``, or none.
+        ``"<= 2"``, several such as ``"> 0 and <= 2"``, or none.
     """
 
     group: str | None = Field(None, exclude_if=absent)
     nodes: NodeNumbers | None = Field(None, exclude_if=absent)
     nodes_from: Literal[0, 1] | None = Field(None, exclude_if=absent)
     boundary: bool = Field(False, exclude_if=lambda boundary: not boundary)
+    sphere: tuple[float, ...] | None = Field(None, min_length=3, max_length=4, exclude_if=absent)
     x: float | str | None = None
     y: float | str | None = None
     z: float | str | None = None
@@ -87,7 +91,14 @@ class Region(Frozen):
     @classmethod
     def _is_condition(cls, value: float | str | None) -> float | str | None:
         if isinstance(value, str):
-            parse_condition(value)
+            parse_conditions(value)
+        return value
+
+    @field_validator("sphere")
+    @classmethod
+    def _has_radius(cls, value: tuple[float, ...] | None) -> tuple[float, ...] | None:
+        if value is not None and not (np.isfinite(value).all() and value[-1] > 0):
+            raise ValueError("expected the coordinates of a centre and a positive radius, in m")
         return value
 
     def select(
@@ -156,15 +167,23 @@ class Region(Frozen):
             inside &= listed
         if self.boundary:
             inside &= _on_surface(facets, len(coordinates))
+        if self.sphere is not None:
+            *centre, radius = self.sphere
+            if len(centre) != coordinates.shape[1]:
+                raise ValueError(
+                    f"sphere: {len(self.sphere)} numbers, expected those of a centre in "
+                    f"{coordinates.shape[1]} dimensions, and a radius"
+                )
+            inside &= np.linalg.norm(coordinates - centre, axis=1) <= radius + tolerance
         for axis, name in enumerate(AXES[: coordinates.shape[1]]):
             condition = getattr(self, name)
             if condition is None:
                 continue
             values = coordinates[:, axis]
             if isinstance(condition, str):
-                symbol, bound = parse_condition(condition)
-                margin = tolerance if symbol in (">", "<=") else -tolerance
-                inside &= COMPARISONS[symbol](values, bound + margin)
+                for symbol, bound in parse_conditions(condition):
+                    margin = tolerance if symbol in (">", "<=") else -tolerance
+                    inside &= COMPARISONS[symbol](values, bound + margin)
             else:
                 inside &= np.abs(values - condition) <= tolerance
         return inside
@@ -201,18 +220,20 @@ def _on_surface(facets: NDArray[np.int64] | None, nodes: int) -> NDArray[np.bool
     return found
 
 
-def parse_condition(text: str) -> tuple[str, float]:
-    """Split ``"> 0.5"`` into comparison and bound; ValueError if the text has another form."""
-    match = CONDITION.match(text)
+def parse_conditions(text: str) -> list[tuple[str, float]]:
+    """Split ``"> 0.5 and < 1"`` into comparisons and bounds; ValueError if it has another form."""
+    found = []
     try:
-        if match is None:
-            raise ValueError
-        bound = float(match[2])
-        if not math.isfinite(bound):
-            raise ValueError
-        return match[1], bound
+        for part in text.split(" and "):
+            match = CONDITION.match(part)
+            if match is None or not math.isfinite(bound := float(match[2])):
+                raise ValueError
+            found.append((match[1], bound))
     except ValueError:
-        raise ValueError("expected a number or a comparison such as '> 0'") from None
+        raise ValueError(
+            "expected a number, or a comparison such as '> 0' or '> 0 and <= 2'"
+        ) from None
+    return found
 
 
 def read_node_list(path: Path) -> tuple[int, ...]:

@@ -282,9 +282,14 @@ def _loadable(
     held: NDArray[np.bool_],
     points: PointsBetween | None,
 ) -> LoadableNodes:
-    """Nodes of a family; InputError if some of a given region are clamped, for loads at nodes."""
+    """Nodes of a family; InputError if some of a given region are clamped, for loads at nodes.
+
+    A region of the surface (`boundary`) leaves clamped nodes out.
+    """
     region = nodes_of(key, family.region, mesh, family.of_sides)
     clamped = held.all(axis=1)
+    if family.region.boundary and (region & ~clamped).any():
+        region = region & ~clamped
     may_touch = family.integrates or family.is_everywhere
     if (region & clamped).any() and not (may_touch and (region & ~clamped).any()):
         at = ",".join(f"{value:g}" for value in mesh.coordinates[region & clamped][0])

@@ -26,6 +26,9 @@ GRID = np.stack(np.meshgrid([0.0, 1.0, 2.0], [0.0, 1.0], indexing="ij"), axis=-1
         ({"x": "<= 1", "y": 1}, 2),
         ({"y": 1, "x": "> 0"}, 2),
         ({"x": 0.5}, 0),
+        ({"x": "> 0 and < 2"}, 2),
+        ({"sphere": [0, 0, 1]}, 3),
+        ({"sphere": [1, 0.5, 0.6], "y": 1}, 1),
     ],
 )
 def test_selection(region: dict[str, Any], count: int) -> None:
@@ -43,6 +46,17 @@ def test_rounding_does_not_move_a_node_over_the_border() -> None:
 def test_invalid_conditions(text: str) -> None:
     with pytest.raises(ValidationError, match="a comparison such as '> 0'"):
         Region(x=text)
+
+
+@pytest.mark.parametrize("sphere", [[0, 1], [0, 0, -1], [0, 0, float("nan")], [0, 0, 0, 0, 1]])
+def test_invalid_spheres(sphere: list[float]) -> None:
+    with pytest.raises(ValidationError, match="sphere"):
+        Region(sphere=sphere)
+
+
+def test_a_sphere_of_other_dimension() -> None:
+    with pytest.raises(ValueError, match="sphere: 4 numbers, expected those of a centre in 2"):
+        Region(sphere=(0, 0, 0, 1)).select(GRID)
 
 
 def test_unknown_axis() -> None:

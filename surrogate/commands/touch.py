@@ -1,0 +1,66 @@
+"""surrogate touch: from a shape to a page on which one touches it."""
+
+from __future__ import annotations
+
+import argparse
+import webbrowser
+from pathlib import Path
+
+from shared_schema.common.command_line import Commands, add_command
+from surrogate.command_options import positive
+
+
+def add_to(commands: Commands) -> None:
+    """Add the command's parser."""
+    parser = add_command(
+        commands,
+        "touch",
+        "make a page on which one touches the body of a file, such as a closed surface",
+        'surrogate touch organ.stl --scale 0.001 --support "z<0.01" --young-modulus 5000',
+    )
+    parser.add_argument(
+        "shape", type=Path, metavar="FILE", help="closed surface, CAD file, gmsh script or mesh"
+    )
+    parser.add_argument(
+        "--support",
+        action="append",
+        required=True,
+        metavar="WHERE",
+        help="where the body is held, in m: 'z<0.01', 'x<0.1,y>0.2' or 'sphere:X,Y,Z:R'; "
+        "repeatable",
+    )
+    parser.add_argument(
+        "--young-modulus", type=positive, required=True, metavar="PA", help="in Pa, at rest"
+    )
+    parser.add_argument("--poisson-ratio", type=float, default=0.45, help="(default 0.45)")
+    parser.add_argument(
+        "--scale", type=positive, default=1.0, metavar="M", help="length of the file's unit in m"
+    )
+    parser.add_argument(
+        "--size", type=positive, metavar="H", help="size of the cells, in the file's unit"
+    )
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="new folder (default: the shape's name)"
+    )
+    parser.add_argument(
+        "--no-browser", action="store_true", help="write the page, and do not open it"
+    )
+    parser.set_defaults(command=run)
+
+
+def run(options: argparse.Namespace) -> None:
+    """Make the page, say where it is, and open it."""
+    import surrogate
+
+    page = surrogate.page_of_shape(
+        options.shape,
+        options.support,
+        options.young_modulus,
+        poisson_ratio=options.poisson_ratio,
+        scale=options.scale,
+        size=options.size,
+        out=options.out,
+    )
+    print(page)
+    if not options.no_browser:
+        webbrowser.open(page.resolve().as_uri())

@@ -1,0 +1,165 @@
+"""From a shape to a page on which one touches it: mesh, load series and page in one go.
+
+Bodies are made by `datagen`, which another environment may have: it is run as a program. The page
+loads single nodes of the surface, with forces under which the linear body moves by a tenth of its
+size.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import yaml
+
+from shared_schema.common.arguments import checked_arguments
+from shared_schema.common.errors import InputError
+from shared_schema.common.files import require_writable
+from surrogate.learning.training.loop import train
+from surrogate.mechanics.statics.body import Body
+from surrogate.page.page import write_page
+
+CONDITION = re.compile(r"\s*([xyz])\s*(<=|>=|<|>|=)\s*([^\s<>=]+)\s*")
+SPHERE = "sphere:"
+MOVED = 0.1  # of the body's diagonal, under the largest force
+FIRST = 1.0  # range in N of the loads of a body whose stiffness is not known yet
+NONE = "the program datagen is not here, expected it on the PATH (pip install 'datagen[mesh]')"
+
+
+@checked_arguments
+def page_of_shape(
+    shape: str | Path,
+    supports: Sequence[str],
+    young_modulus: float,
+    *,
+    poisson_ratio: float = 0.45,
+    scale: float = 1.0,
+    size: float | None = None,
+    out: str | Path | None = None,
+) -> Path:
+    """Make a body of a file, its load series and its page.
+
+    Parameters
+    ----------
+    shape : str or Path
+        A closed surface, CAD file, gmsh script or mesh, as the key `path` of a case takes it.
+    supports : sequence of str
+        Where the body is held: conditions on coordinates in m, such as "z<0.01" or
+        "x<0.1,y>0.2", or spheres such as "sphere:0,0,0.1:0.02". Nodes that one of them means are
+        held.
+    young_modulus : float
+        In Pa, at rest.
+    poisson_ratio : float
+    scale : float
+        Length of the file's unit in m.
+    size : float, optional
+        Size of the cells in the file's unit; needed by CAD files.
+    out : str or Path, optional
+        New folder for the case, the body, the run of its series and the page; by default one of
+        the shape's name in this folder.
+
+    Returns
+    -------
+    Path
+        The page, a single HTML file.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, a text or number is wrong, the body cannot be made, the folder
+        exists, or there is no program `datagen`; nothing is left then.
+    """
+    path = Path(shape)
+    if not path.is_file():
+        raise InputError(f"{path}: no such file")
+    folder = Path(path.stem if out is None else out)
+    if folder.exists():
+        raise InputError(f"out '{folder}': exists, expected a new folder", "out")
+    require_writable(folder)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    mesh: dict[str, Any] = {"kind": "file", "path": str(path.resolve()), "scale": scale}
+    case: dict[str, Any] = {
+        "name": re.sub(r"[^A-Za-z0-9_-]", "_", path.stem),
+        "mesh": mesh if size is None else mesh | {"size": size},
+        "material": {"young_modulus": young_modulus, "poisson_ratio": poisson_ratio},
+        "supports": [region_of(text) for text in supports],
+        "load": {"family": "random_node", "region": {"boundary": True}, "range": [-FIRST, FIRST]},
+        "dataset": {"samples": 1, "seed": 0},
+    }
+    with TemporaryDirectory(prefix=f".{folder.name}-", dir=folder.parent) as partial:
+        place = Path(partial) / folder.name
+        place.mkdir()
+        body = make_body(case, place)
+        largest = float(f"{largest_force(body):.2g}")
+        shutil.rmtree(place / "body")
+        case["load"]["range"] = [-largest, largest]
+        make_body(case, place)
+        train("series", place / "body", place / "series")
+        write_page(place / "series", place / f"{path.stem}.html")
+        place.rename(folder)
+    return folder / f"{path.stem}.html"
+
+
+def region_of(text: str) -> dict[str, Any]:
+    """Region of a case that a text means; InputError if it means none.
+
+    >>> region_of("x<0.1,y>0.2")
+    {'x': '< 0.1', 'y': '> 0.2'}
+    >>> region_of("sphere:0,0,0.1:0.02")
+    {'sphere': [0.0, 0.0, 0.1, 0.02]}
+    """
+    try:
+        if text.startswith(SPHERE):
+            centre, _, radius = text.removeprefix(SPHERE).rpartition(":")
+            return {"sphere": [*map(float, centre.split(",")), float(radius)]}
+        found: dict[str, list[str]] = {}
+        for part in text.split(","):
+            match = CONDITION.fullmatch(part)
+            if match is None:
+                raise ValueError
+            axis, comparison, bound = match.groups()
+            found.setdefault(axis, []).append(f"{comparison} {float(bound):g}")
+        if any(len(some) > 1 and any(each[0] == "=" for each in some) for some in found.values()):
+            raise ValueError
+        return {
+            axis: float(some[0][2:]) if some[0][0] == "=" else " and ".join(some)
+            for axis, some in found.items()
+        }
+    except ValueError:
+        raise InputError(
+            f"support '{text}': expected conditions such as 'z<0.01' or 'x<0.1,y>0.2', or "
+            "'sphere:X,Y,Z:R', in m",
+            "support",
+        ) from None
+
+
+def make_body(case: Mapping[str, Any], folder: Path) -> Body:
+    """Run `datagen body` on a case, and read what it makes; InputError says what it refuses."""
+    beside = shutil.which("datagen", path=str(Path(sys.executable).parent))
+    program = beside or shutil.which("datagen")
+    if program is None:
+        raise InputError(NONE)
+    (folder / "case.yaml").write_text(yaml.safe_dump(dict(case), sort_keys=False))
+    command = [program, "body", str(folder / "case.yaml"), "--out", str(folder / "body")]
+    made = subprocess.run(command, capture_output=True, text=True)
+    if made.returncode != 0:
+        said = made.stderr.strip().splitlines() or [f"exit code {made.returncode}"]
+        raise InputError(said[-1].removeprefix("datagen: error: "))
+    return Body.read(folder / "body")
+
+
+def largest_force(body: Body) -> float:
+    """Force in N at the tip under which the linear body moves by `MOVED` of its diagonal."""
+    x, equilibrium = body.geometry.coordinates, body.equilibrium
+    d, tip = x.shape[1], body.geometry.tip
+    units = np.zeros((d, equilibrium.free.shape[0], d))
+    units[range(d), tip, range(d)] = 1.0
+    moved = np.linalg.norm(equilibrium.linear_response(units)[:, tip], axis=1).max()
+    return float(MOVED * np.linalg.norm(np.ptp(x, axis=0)) / moved)

@@ -1,0 +1,89 @@
+"""`surrogate touch` leads from a closed surface to a page."""
+
+from __future__ import annotations
+
+import itertools
+import os
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+
+import surrogate
+from shared_schema.common.errors import InputError
+from surrogate.page.shape import region_of
+from tests.end_to_end.commands import ROOT, SURROGATE, execute
+
+SIZES = np.array([0.04, 0.04, 0.1])  # of a block in m
+HELD = ("--support", "z<0.001", "--young-modulus", "5000", "--no-browser")
+
+
+@pytest.fixture
+def block(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A closed surface in mm."""
+    corners = np.array(list(itertools.product((0, 1), repeat=3))) * SIZES * 1000
+    quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    triangles = [[a, b, c] for a, b, c, d in quads] + [[a, c, d] for a, b, c, d in quads]
+    path = tmp_path / "block one.stl"
+    meshio.Mesh(corners, [("triangle", np.array(triangles))]).write(path)
+    programs = ROOT / ".venv-datagen" / "bin"
+    monkeypatch.setenv("PATH", f"{programs}{os.pathsep}{os.environ['PATH']}")
+    return path
+
+
+def test_a_page_of_a_surface(block: Path) -> None:
+    """The largest force moves the tip of the linear body by a tenth of its diagonal, 11.5 mm."""
+    folder = block.with_name("made")
+    of = ("--scale", "0.001", "--size", "16", "--out", folder)
+    execute(SURROGATE, "touch", block, *HELD, *of)
+    assert (folder / "block one.html").stat().st_size > 1e5
+    model = surrogate.load(folder / "series")
+    x, tip = model.geometry.coordinates, model.geometry.tip
+    assert np.ptp(x, axis=0) == pytest.approx(SIZES, rel=1e-6)
+    assert model.geometry.clamped.tolist() == (x[:, 2] < 1e-3).tolist()
+    force = np.zeros((3, *x.shape))
+    force[range(3), tip, range(3)] = model.description.data.case["load"]["range"][1]
+    moved = np.linalg.norm(model.body.equilibrium.linear_response(force)[:, tip], axis=1).max()
+    assert moved == pytest.approx(0.1 * np.linalg.norm(SIZES), rel=0.05)  # two digits
+    execute(SURROGATE, "touch", block, *HELD, *of, code=2)  # the folder exists
+
+
+def test_what_is_refused_leaves_nothing(block: Path) -> None:
+    before = sorted(block.parent.iterdir())
+    for arguments, said in (
+        (("--support", "w<0.01", "--young-modulus", "5000"), "support 'w<0.01': expected"),
+        (("--support", "z<-1", "--young-modulus", "5000"), "supports"),
+        ((*HELD, "--poisson-ratio", "0.7"), "poisson_ratio"),
+    ):
+        out = ("--no-browser", "--out", block.with_name("made"))
+        told = execute(SURROGATE, "touch", block, *arguments, *out, code=2).stderr
+        assert said in told
+        assert len(told.strip().splitlines()) == 1
+    assert sorted(block.parent.iterdir()) == before
+
+
+def test_without_the_factory(block: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", "")
+    with pytest.raises(InputError, match="the program datagen is not here"):
+        surrogate.page_of_shape(block, ["z<0.001"], 5000.0, out=block.with_name("made"))
+
+
+@pytest.mark.parametrize(
+    ("text", "region"),
+    [
+        ("z<0.01", {"z": "< 0.01"}),
+        ("x>0.1, x<=0.2,y=1", {"x": "> 0.1 and <= 0.2", "y": 1.0}),
+        ("sphere:0,0,0.1:0.02", {"sphere": [0.0, 0.0, 0.1, 0.02]}),
+    ],
+)
+def test_regions(text: str, region: dict[str, object]) -> None:
+    assert region_of(text) == region
+
+
+@pytest.mark.parametrize(
+    "text", ["", "z", "z<", "z<a", "z==1", "x=1,x<2", "sphere:1", "sphere:a:1"]
+)
+def test_texts_that_mean_no_region(text: str) -> None:
+    with pytest.raises(InputError, match="expected conditions such as"):
+        region_of(text)
