@@ -51,7 +51,7 @@ def test_invalid_conditions(text: str) -> None:
 @pytest.mark.parametrize("sphere", [[0, 1], [0, 0, -1], [0, 0, float("nan")], [0, 0, 0, 0, 1]])
 def test_invalid_spheres(sphere: list[float]) -> None:
     with pytest.raises(ValidationError, match="sphere"):
-        Region(sphere=sphere)
+        Region(sphere=tuple(sphere))
 
 
 def test_a_sphere_of_other_dimension() -> None:
