@@ -30,7 +30,7 @@ CONDITION = re.compile(r"\s*([xyz])\s*(<=|>=|<|>|=)\s*([^\s<>=]+)\s*")
 SPHERE = "sphere:"
 MOVED = 0.1  # of the body's diagonal, under the largest force
 FIRST = 1.0  # range in N of the loads of a body whose stiffness is not known yet
-NONE = "the program datagen is not here, expected it on the PATH (pip install 'solid-datagen[mesh]')"
+NONE = "no program datagen on the PATH, expected it (pip install 'solid-datagen[mesh]')"
 
 
 @checked_arguments

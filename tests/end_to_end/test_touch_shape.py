@@ -65,7 +65,7 @@ def test_what_is_refused_leaves_nothing(block: Path) -> None:
 
 def test_without_the_factory(block: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", "")
-    with pytest.raises(InputError, match="the program datagen is not here"):
+    with pytest.raises(InputError, match="no program datagen on the PATH"):
         surrogate.page_of_shape(block, ["z<0.001"], 5000.0, out=block.with_name("made"))
 
 
