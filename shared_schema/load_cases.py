@@ -64,11 +64,12 @@ class LoadCases:
         return self.nodes[number][loaded], self.forces[number][loaded]
 
 
-def write_load_cases(path: Path, cases: LoadCases, cell_type: str) -> str:
+def write_load_cases(path: str | Path, cases: LoadCases, cell_type: str) -> str:
     """Write a file of load cases atomically; return the SHA-256 at its end.
 
     The cell type is that of the mesh: "triangle", "quad", "tetra" or "hexahedron".
     """
+    path = Path(path)
     arrays = {
         "mesh/coordinates": cases.coordinates,
         "loads/loaded_nodes": cases.nodes,
