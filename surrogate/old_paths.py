@@ -14,7 +14,7 @@ from importlib.machinery import ModuleSpec
 from types import ModuleType
 
 PLACES = (  # old and new package, and the rooms and modules that have moved
-    ("surrogate", "surrogate.runtime", "device seeds cuda_graphs time_limit"),
+    ("surrogate", "surrogate.runtime", "device cuda_graphs time_limit"),
     (
         "surrogate",
         "surrogate.mechanics",
@@ -30,22 +30,24 @@ PLACES = (  # old and new package, and the rooms and modules that have moved
     ("surrogate.training", "surrogate.contrib", "sample_paths"),
     ("surrogate.runs", "surrogate.runtime", "tensor_file"),
     ("surrogate.series", "surrogate.learning.data", "terms_on_grid"),
-    ("surrogate.data", "surrogate.mechanics.body", "geometry elements_of_case free_components"),
+    ("surrogate.data", "surrogate.mechanics.body", "geometry elements_of_case"),
     ("surrogate.inference", "surrogate.mechanics.statics", "body"),
     ("surrogate.inference", "surrogate.mechanics.body", "stiffness"),
     (
         "surrogate.mechanics",
         "surrogate.mechanics.equilibrium",
         "block_solve compliance follower_pressure kept_responses linear_response "
-        "newton_steps nodal_gradient out_of_balance quadratic stresses tool_springs",
+        "newton_steps out_of_balance quadratic stresses tool_springs",
     ),
 )
 MOVED = {
     "surrogate.baselines": "surrogate.contrib",
     "surrogate.baselines.linear_map": "surrogate.learning.networks.linear_map",
+    "surrogate.data.free_components": "surrogate.mechanics.body.geometry",
     "surrogate.inference.given_load": "surrogate.mechanics.statics.load",
     "surrogate.runs.config_list": "surrogate.learning.runs.shelf",
     "surrogate.runs.trained_list": "surrogate.learning.runs.shelf",
+    "surrogate.seeds": "surrogate.runtime.device",
     **{f"{old}.{name}": f"{new}.{name}" for old, new, names in PLACES for name in names.split()},
 }
 

@@ -17,7 +17,7 @@ from surrogate.learning.networks.field_network import FieldNetwork
 from surrogate.learning.probabilistic.distribution import Moments
 from surrogate.learning.probabilistic.likelihoods import Prediction
 from surrogate.mechanics.equilibrium.linear_response import LinearResponse
-from surrogate.runtime.seeds import INITIAL_WEIGHTS, stream
+from surrogate.runtime.device import INITIAL_WEIGHTS, stream
 
 if TYPE_CHECKING:
     from surrogate.learning.data.dataset import Dataset

@@ -48,7 +48,7 @@ from surrogate.mechanics.body.elements_of_case import require_linear_elements
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.equilibrium.newton_steps import norms
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
-from surrogate.runtime.seeds import PATHS, stream
+from surrogate.runtime.device import PATHS, stream
 from surrogate.runtime.tensor_file import Tensors, load_tensors, save_atomically
 
 Array = NDArray[np.float64]

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from surrogate.mechanics.equilibrium.stresses import cell_stresses, reactions
     from surrogate.mechanics.identification.identification import Identification, identify
     from surrogate.mechanics.identification.markers import Markers
-    from surrogate.mechanics.solids.mean_dilation import MeanDilationSolid
+    from surrogate.mechanics.solids.mixed_elements import MeanDilationSolid
     from surrogate.mechanics.solids.solid import Solid
     from surrogate.mechanics.statics.body import Body
     from surrogate.mechanics.statics.load import Load

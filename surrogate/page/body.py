@@ -34,9 +34,9 @@ from surrogate.mechanics.energy.law import Law
 from surrogate.mechanics.energy.recording import Recording
 from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
-from surrogate.mechanics.matrices.orders import band_order
-from surrogate.mechanics.solids.recorded_law import recorded_law
-from surrogate.mechanics.solids.taylor_hood import TaylorHoodSolid
+from surrogate.mechanics.matrices.factors import band_order
+from surrogate.mechanics.solids.deformation import recorded_law
+from surrogate.mechanics.solids.mixed_elements import TaylorHoodSolid
 from surrogate.page.surface import support_marks, surface_of
 
 Arrays = dict[str, NDArray[Any]]

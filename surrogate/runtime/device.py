@@ -1,4 +1,4 @@
-"""The device of a computation: its choice, its memory, and the layout and precision on it."""
+"""The device of a computation, the layout and precision on it, and its random numbers."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from threading import Lock
 from typing import Literal, Protocol
 
+import numpy as np
 import torch
 from torch import nn
 
@@ -194,3 +195,21 @@ def is_out_of_memory(error: BaseException) -> bool:
         return True
     text = str(error)
     return any(w in text for w in ("an't allocate memory", "annot allocate memory", "new thread"))
+
+
+(
+    INITIAL_WEIGHTS,
+    VALIDATION,
+    ORDER,
+    NOISE,
+    PASS,
+    CALIBRATION,
+    REFINEMENT,
+    PATHS,
+) = range(8)
+
+
+def stream(*numbers: int) -> int:
+    """Return a 64-bit seed made from some numbers; different numbers give different seeds."""
+    entropy = (len(numbers), *numbers)
+    return int(np.random.SeedSequence(entropy).generate_state(1, np.uint64)[0])

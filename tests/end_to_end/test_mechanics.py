@@ -10,7 +10,7 @@ import torch
 from scipy.sparse import coo_array, csr_array
 
 from shared_schema.materials import VOLUMETRIC_TERMS, NeoHookean, Volumetric
-from surrogate.mechanics.solids.mean_dilation import MeanDilationSolid
+from surrogate.mechanics.solids.mixed_elements import MeanDilationSolid
 from surrogate.mechanics.solids.solid import Solid
 from tests.end_to_end.commands import DATAGEN, execute
 

@@ -13,8 +13,7 @@ if TYPE_CHECKING:
         Samples,
         read_nodal_dataset,
     )
-    from surrogate.mechanics.body.free_components import at_free
-    from surrogate.mechanics.body.geometry import Geometry
+    from surrogate.mechanics.body.geometry import Geometry, at_free
 
 __all__ = [
     "Dataset",

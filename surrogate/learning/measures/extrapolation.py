@@ -16,7 +16,7 @@ from surrogate.learning.inference.surrogate import Surrogate
 from surrogate.learning.measures.error_metrics import sample_errors
 from surrogate.learning.probabilistic.calibration import half_width
 from surrogate.learning.probabilistic.distribution import Distribution
-from surrogate.mechanics.body.free_components import at_free
+from surrogate.mechanics.body.geometry import at_free
 
 Array = NDArray[np.float64]
 BAND = 0.95

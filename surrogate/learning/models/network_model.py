@@ -19,7 +19,7 @@ from surrogate.learning.models.training_config import RecalibratedTraining
 from surrogate.learning.optim.optimisers import is_hidden_kernel
 from surrogate.learning.probabilistic.stochastic_passes import Ensemble
 from surrogate.mechanics.body.geometry import Geometry
-from surrogate.runtime.seeds import INITIAL_WEIGHTS, stream
+from surrogate.runtime.device import INITIAL_WEIGHTS, stream
 
 META = torch.device("meta")
 

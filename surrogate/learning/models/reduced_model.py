@@ -26,7 +26,7 @@ from surrogate.learning.networks.reduced_network import (
 )
 from surrogate.learning.probabilistic.likelihoods import output_channels
 from surrogate.mechanics.equilibrium.linear_response import LinearResponse
-from surrogate.runtime.seeds import INITIAL_WEIGHTS, stream
+from surrogate.runtime.device import INITIAL_WEIGHTS, stream
 
 if TYPE_CHECKING:
     from surrogate.learning.data.dataset import Dataset

@@ -19,8 +19,7 @@ from surrogate.learning.data.samples import Samples
 from surrogate.learning.networks.load_count_factor import LoadCountFactor
 from surrogate.learning.probabilistic.likelihoods import Prediction
 from surrogate.learning.probabilistic.stochastic_passes import members_of
-from surrogate.mechanics.body.free_components import at_components
-from surrogate.mechanics.body.geometry import Geometry
+from surrogate.mechanics.body.geometry import Geometry, at_components
 from surrogate.mechanics.equilibrium.linear_response import LinearResponse
 
 Input = Literal["force", "linear_gradient", "last_gradient"]

@@ -29,7 +29,7 @@ from surrogate.learning.networks.field_network import FieldNetwork
 from surrogate.learning.probabilistic.flipout import random_signs
 from surrogate.learning.probabilistic.gaussian_parameter import GaussianParameter
 from surrogate.learning.probabilistic.likelihoods import INFORMATION, Errors
-from surrogate.mechanics.body.free_components import at_components
+from surrogate.mechanics.body.geometry import at_components
 
 EVERY = 4  # number of steps between two estimates
 MEMORY = 200  # number of estimates in the exponential average

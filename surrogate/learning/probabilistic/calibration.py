@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
-from surrogate.mechanics.body.free_components import at_free, by_component, require_positive
+from surrogate.mechanics.body.geometry import at_free, by_component, require_positive
 
 Array = NDArray[np.float64]
 

@@ -32,7 +32,7 @@ import torch
 from torch import Tensor, nn
 
 from surrogate.learning.probabilistic.flipout import VariationalConfig, flipouts
-from surrogate.mechanics.body.free_components import at_components
+from surrogate.mechanics.body.geometry import at_components
 
 Likelihood = Literal["deterministic", "maximum_likelihood", "variational_bayes"]
 Loss = Literal["mse", "mae"]

@@ -28,7 +28,7 @@ from torch.nn import functional
 
 from shared_schema.common.errors import InputError
 from surrogate.learning.probabilistic.gaussian_parameter import GaussianParameter
-from surrogate.runtime.seeds import PASS, stream
+from surrogate.runtime.device import PASS, stream
 
 Sample = tuple[Tensor, ...]  # of one module, for all passes: (passes, …) each
 Drawn = Mapping["Drawable", Sample]

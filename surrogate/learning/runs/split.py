@@ -12,7 +12,7 @@ from shared_schema.common.errors import InputError
 from surrogate.learning.data.samples import Samples
 from surrogate.learning.data.samples_on_disk import SamplesOnDisk
 from surrogate.learning.models.model import Model
-from surrogate.runtime.seeds import CALIBRATION, VALIDATION, stream
+from surrogate.runtime.device import CALIBRATION, VALIDATION, stream
 
 AnySamples = TypeVar("AnySamples", bound=Samples | SamplesOnDisk)
 

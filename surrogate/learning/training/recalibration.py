@@ -29,7 +29,7 @@ from surrogate.learning.inference.surrogate import Surrogate
 from surrogate.learning.networks.load_count_factor import KNOTS
 from surrogate.learning.probabilistic.calibration import half_width, negative_log_likelihood
 from surrogate.learning.probabilistic.distribution import Distribution
-from surrogate.mechanics.body.free_components import at_free
+from surrogate.mechanics.body.geometry import at_free
 
 BOUNDS = (-6.0, 6.0)  # bounds of ln a and ln b
 LEAST = 30  # samples of a group

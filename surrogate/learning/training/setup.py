@@ -37,8 +37,7 @@ from surrogate.learning.training.data_parallel import ALONE, Ranks
 from surrogate.learning.training.trainer import Trainer
 from surrogate.learning.training.training_log import require_tensorboard
 from surrogate.learning.training.validation import Reference
-from surrogate.runtime.device import lay_out, require_device_memory
-from surrogate.runtime.seeds import ORDER, stream
+from surrogate.runtime.device import ORDER, lay_out, require_device_memory, stream
 from surrogate.runtime.tensor_file import tensor_digest
 
 OWN_KEYS = ("name", "case", "recipe", "training", "seed")  # may differ from the other run's

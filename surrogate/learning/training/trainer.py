@@ -32,8 +32,7 @@ from surrogate.learning.training.cuda_graph import CapturedStep, can_capture, co
 from surrogate.learning.training.data_parallel import ALONE, Ranks
 from surrogate.learning.training.sample_store import SampleStore, prepared_store
 from surrogate.learning.training.validation import Reference, loss_per_datum, validate
-from surrogate.runtime.device import autocast, convolutions
-from surrogate.runtime.seeds import NOISE, ORDER, stream
+from surrogate.runtime.device import NOISE, ORDER, autocast, convolutions, stream
 
 TERMS = ("train_loss", "negative_log_likelihood", "kl_divergence")
 

@@ -40,7 +40,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from shared_schema.common.arguments import hold_read_only
 from shared_schema.common.errors import InputError, first_line
-from surrogate.mechanics.body.free_components import at_free, by_component, require_positive
+from surrogate.mechanics.body.geometry import at_free, by_component, require_positive
 from surrogate.runtime.tensor_file import load_tensors, serialised
 
 Array = NDArray[np.float64]

@@ -21,7 +21,7 @@ The iteration ends by the rule of the finite elements
 is one step from the undeformed body.
 
 Where the volumes of the cells change as a whole, the prediction's are made right first
-(`surrogate.mechanics.solids.mean_dilation`), and where elements have points between the nodes,
+(`surrogate.mechanics.solids.mixed_elements`), and where elements have points between the nodes,
 these are moved to where they are in equilibrium (`surrogate.mechanics.equilibrium.quadratic`).
 
 Under pressures that follow the surface there is no Π. The start is then the prediction, unless the

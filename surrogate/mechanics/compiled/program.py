@@ -1,6 +1,6 @@
 r"""Laws of materials as programs: sums of products, in the order in which loops compute them.
 
-Operations of a recorded law (`surrogate.mechanics.solids.recorded_law`) that only add and multiply
+Operations of a recorded law (`surrogate.mechanics.solids.deformation`) that only add and multiply
 are merged, so that a result is
 
 .. math:: y = \sum_t f_t \, a_t \, b_t
@@ -74,7 +74,7 @@ class Programs(NamedTuple):
         Parameters
         ----------
         laws : sequence of tuple
-            As `surrogate.mechanics.solids.recorded_law` records them.
+            As `surrogate.mechanics.solids.deformation` records them.
         beside : int
             Number of the last inputs of all, θ and p: 0 or 2.
         wanted : sequence of str

@@ -23,7 +23,7 @@ from scipy.sparse import csr_array
 from torch import Tensor, nn
 
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
-from surrogate.mechanics.matrices.orders import band_order
+from surrogate.mechanics.matrices.factors import band_order
 from surrogate.mechanics.matrices.sparse_products import SparseProduct
 from surrogate.runtime.cuda_graphs import Replayed
 

@@ -24,9 +24,8 @@ from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.equilibrium.block_solve import BlockSolve, at_dofs
 from surrogate.mechanics.equilibrium.kept_responses import KeptResponses
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
-from surrogate.mechanics.matrices.factors import CLOSE
-from surrogate.mechanics.matrices.orders import band_order
-from surrogate.mechanics.solids.taylor_hood import TaylorHoodSolid
+from surrogate.mechanics.matrices.factors import CLOSE, band_order
+from surrogate.mechanics.solids.mixed_elements import TaylorHoodSolid
 
 DENSE = 4000  # degrees of freedom; K⁻¹ takes 64 MB
 BY_MATRIX = 1000  # degrees of freedom up to which a CPU responds by K⁻¹

@@ -6,20 +6,32 @@ K is the stiffness of the undeformed body with its supports. A takes nodal displ
 (`shared_schema.grid`), and its transpose takes forces from the grid to nodes with the same work. On
 a grid whose points are nodes this is :math:`u_{lin} = K^{-1} f` itself. On an embedded grid the
 force of a grid point is distributed over the nodes around it.
+
+The gradient of a nodal field is the mean of its gradients in the cells that meet at a node,
+
+.. math:: \frac{∂u_i}{∂x_j}(x_a) ≈
+   \frac{1}{|C_a|} \sum_{c ∈ C_a} \sum_b \frac{∂N_b^c}{∂x_j}(x_a) \, u_{ib}
+
+with the cells :math:`C_a` at node a and their shape functions :math:`N_b^c`; it is exact for linear
+fields.
 """
 
 from __future__ import annotations
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, csr_array
 from torch import Tensor, nn
 
+from shared_schema.common.bodies.reference_cells import CORNERS
 from shared_schema.common.errors import InputError
 from shared_schema.materials import Materials
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.equilibrium.block_solve import BlockSolve
 from surrogate.mechanics.equilibrium.compliance import Compliance
-from surrogate.mechanics.equilibrium.nodal_gradient import nodal_gradient
 from surrogate.mechanics.matrices.sparse_products import WeightedSums, matrix_of
+from surrogate.mechanics.solids.elements import gradients_at
 
 AT_ONCE = 256  # samples
 
@@ -139,3 +151,33 @@ def required(material: Materials | None) -> Materials:
     if material is None:
         raise InputError("the linear response expects the material of the body, found none")
     return material
+
+
+Array = NDArray[np.float64]
+
+
+def nodal_gradient(coordinates: Array, cells: NDArray[np.int64], cell_type: str) -> list[csr_array]:
+    """Make the sparse operators of the d derivatives, each (n_nodes, n_nodes).
+
+    Parameters
+    ----------
+    coordinates : array, (n_nodes, d)
+        In m.
+    cells : array of int, (n_cells, n_corners)
+        Node numbers, VTK order.
+    cell_type : str
+        Meshio's name of the cells.
+    """
+    corners = np.array(CORNERS[cell_type], dtype=np.float64)
+    gradients, _ = gradients_at(coordinates, cells, cell_type, corners)
+    nodes = len(coordinates)
+    share = 1 / np.maximum(np.bincount(cells.ravel(), minlength=nodes), 1)
+    shape = gradients.shape[:-1]
+    rows = np.broadcast_to(cells[:, :, None], shape).ravel()
+    columns = np.broadcast_to(cells[:, None, :], shape).ravel()
+    return [
+        coo_array(
+            (gradients[..., j].ravel() * share[rows], (rows, columns)), shape=(nodes, nodes)
+        ).tocsr()
+        for j in range(coordinates.shape[1])
+    ]

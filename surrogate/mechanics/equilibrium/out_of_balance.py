@@ -43,9 +43,8 @@ from surrogate.mechanics.equilibrium.tool_springs import ToolSprings
 from surrogate.mechanics.matrices.factors import Factor, SymmetricFactor, in_single_precision
 from surrogate.mechanics.matrices.layout import Layout
 from surrogate.mechanics.matrices.saddle_point import saddle_point_layout
-from surrogate.mechanics.solids.mean_dilation import MeanDilationSolid
+from surrogate.mechanics.solids.mixed_elements import MeanDilationSolid, TaylorHoodSolid
 from surrogate.mechanics.solids.solid import Solid
-from surrogate.mechanics.solids.taylor_hood import TaylorHoodSolid
 from surrogate.runtime.time_limit import require_time
 
 Array = NDArray[np.float64]

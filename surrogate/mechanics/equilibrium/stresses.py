@@ -12,9 +12,8 @@ from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.energy.law import law_of
 from surrogate.mechanics.solids.deformation import Deformation, completed, determinant
 from surrogate.mechanics.solids.elements import gradients_at
-from surrogate.mechanics.solids.mean_dilation import MeanDilationSolid
+from surrogate.mechanics.solids.mixed_elements import MeanDilationSolid, TaylorHoodSolid
 from surrogate.mechanics.solids.solid import Solid
-from surrogate.mechanics.solids.taylor_hood import TaylorHoodSolid
 
 Array = NDArray[np.float64]
 

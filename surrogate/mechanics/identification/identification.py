@@ -18,9 +18,13 @@ from shared_schema.tools import Tool, parse_tool, require_outside
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.body.stiffness import modulus_at_rest
 from surrogate.mechanics.identification.candidates import Candidate
-from surrogate.mechanics.identification.equilibrium_response import moduli_of_zones
-from surrogate.mechanics.identification.markers import Markers, read_markers
-from surrogate.mechanics.identification.misfit import SUSPECT, noise_probability
+from surrogate.mechanics.identification.markers import (
+    SUSPECT,
+    Markers,
+    noise_probability,
+    read_markers,
+)
+from surrogate.mechanics.identification.responses import moduli_of_zones
 from surrogate.mechanics.identification.search import Finished, MarkerFits
 from surrogate.mechanics.identification.unknowns import (
     BODY_FORCE,
@@ -67,7 +71,7 @@ class Identification:
         Markers that fit no state together with the others.
     noise_probability : float
         Probability that noise alone leaves what the state leaves of the markers
-        (`surrogate.mechanics.identification.misfit`).
+        (`surrogate.mechanics.identification.markers`).
     surrogate_error : float
         Largest estimated error of the surrogate at the markers in m, which is taken out; 0 of a
         confirmed state.

@@ -1,8 +1,8 @@
 """The search for parameters: fits of predictions, then fits without their error.
 
-Places of a force are ranked by the linear body (`surrogate.mechanics.identification.place`). The
-first ones are fitted, with the predictions in place of the linear body. What these move the markers
-more than the linear body does, under the best force found, is then taken from the measured
+Places of a force are ranked by the linear body (`surrogate.mechanics.identification.candidates`).
+The first ones are fitted, with the predictions in place of the linear body. What these move the
+markers more than the linear body does, under the best force found, is then taken from the measured
 displacements, and the places are ranked again, until no new ones are among the first. As a rule
 many places fit as well as the best one, within the noise: the last ranking names all that may bear
 the force.
@@ -22,12 +22,19 @@ from scipy.sparse import csr_array
 from shared_schema.common.errors import InputError, WorkError
 from surrogate.mechanics.descent import Aim
 from surrogate.mechanics.descent.driven_body import longest
-from surrogate.mechanics.identification.candidates import Candidate, Start, likely_candidates
-from surrogate.mechanics.identification.equilibrium_response import EquilibriumResponse
+from surrogate.mechanics.identification.candidates import (
+    Candidate,
+    Places,
+    Start,
+    likely_candidates,
+)
 from surrogate.mechanics.identification.least_squares import Fit, fit, refit, wild_cost
-from surrogate.mechanics.identification.place import Places
-from surrogate.mechanics.identification.responses import Response
-from surrogate.mechanics.identification.tool_response import CONTACT, ToolResponse
+from surrogate.mechanics.identification.responses import (
+    CONTACT,
+    EquilibriumResponse,
+    Response,
+    ToolResponse,
+)
 from surrogate.mechanics.identification.unknowns import SOMEWHERE, Unknowns
 from surrogate.mechanics.statics.load import Load
 from surrogate.mechanics.statics.prediction import Predictor

@@ -18,10 +18,11 @@ from surrogate.mechanics.matrices.factors import (
     Pardiso,
     SparseFactor,
     SymmetricFactor,
+    band_order,
+    dofs_of_least_degree,
     has_pardiso,
     super_lu,
 )
-from surrogate.mechanics.matrices.orders import band_order, dofs_of_least_degree
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]

@@ -4,7 +4,7 @@ r"""Sparse tangents of elements whose dilations θ and pressures p are found wit
     \begin{pmatrix} Π_{uu} & Π_{uθ} & B^T \\ Π_{θu} & Π_{θθ} & -M \\ B & -M & 0 \end{pmatrix}
     \begin{pmatrix} x \\ y \\ z \end{pmatrix} = \begin{pmatrix} f \\ 0 \\ 0 \end{pmatrix}
 
-(`surrogate.mechanics.solids.taylor_hood`) has the solution :math:`x = K^{-1} f` with the dense
+(`surrogate.mechanics.solids.mixed_elements`) has the solution :math:`x = K^{-1} f` with the dense
 tangent :math:`K = ∂^2 E / ∂u^2`, which is never formed. The lower right block has one negative
 eigenvalue for each pressure, whatever the state. By Sylvester's law of inertia, K is positive
 definite exactly if the whole matrix has no more (Haynsworth 1968, *Linear Algebra Appl.* 1, 73).
@@ -20,8 +20,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from surrogate.mechanics.matrices.factors import of_least_degree
 from surrogate.mechanics.matrices.layout import Layout
-from surrogate.mechanics.matrices.orders import of_least_degree
 
 
 def saddle_point_layout(

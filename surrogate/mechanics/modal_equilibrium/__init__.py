@@ -15,7 +15,9 @@ The sum goes over a few quadrature points with weights of their own, a reduced c
 """
 
 from surrogate.mechanics.modal_equilibrium.cubature import Cubature, fit_cubature
-from surrogate.mechanics.modal_equilibrium.least_energy import ModalEquilibrium
-from surrogate.mechanics.modal_equilibrium.of_tensors import BalancedCoefficients
+from surrogate.mechanics.modal_equilibrium.least_energy import (
+    BalancedCoefficients,
+    ModalEquilibrium,
+)
 
 __all__ = ["BalancedCoefficients", "Cubature", "ModalEquilibrium", "fit_cubature"]

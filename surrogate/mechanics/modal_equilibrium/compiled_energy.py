@@ -16,7 +16,7 @@ from surrogate.mechanics.compiled.fields import compiled, product_of
 from surrogate.mechanics.compiled.program import Programs
 from surrogate.mechanics.compiled.run import begin, run
 from surrogate.mechanics.energy.law import Law
-from surrogate.mechanics.solids.recorded_law import recorded_law
+from surrogate.mechanics.solids.deformation import recorded_law
 
 SMALLEST_J = 1e-3
 SUFFICIENT = 1e-4  # decrease of a step, over that of its slope (Armijo)

@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+import torch
 from numpy.typing import DTypeLike
 
 from surrogate.mechanics.compiled.cells import Cells
@@ -21,7 +23,6 @@ from surrogate.mechanics.compiled.program import Doubles, Programs
 from surrogate.mechanics.compiled.solid import fibre_components
 from surrogate.mechanics.series.compiled_terms import Terms, add_term, room_for_terms
 from surrogate.mechanics.series.compiled_weights import least_energy, potential_of_terms
-from surrogate.mechanics.series.load_threads import in_threads
 from surrogate.mechanics.solids.solid import Solid
 
 SMALL = 1e-5  # gradients whose sum of terms, all weights 1, is right to rounding
@@ -161,3 +162,25 @@ class CompiledSeries:
         last = c[:, -1, None, None].astype(first.dtype) * every[-1]
         c[:, 0] -= 1
         return np.einsum("nk,knid->nid", c.astype(first.dtype), every), last
+
+
+def in_threads(work: Callable[[slice], object], loads: int, least: int = 1) -> None:
+    """Do the work on slices of some loads, in as many threads as PyTorch has.
+
+    Parameters
+    ----------
+    work : callable
+        Takes a slice of the loads; all time is spent in compiled code.
+    loads : int
+        Number of loads.
+    least : int
+        Loads of a thread, at least: those of small bodies take less time than its start.
+    """
+    threads = max(1, min(torch.get_num_threads(), loads // least))
+    if threads == 1:
+        work(slice(0, loads))
+        return
+    share = -(-loads // threads)
+    shares = [slice(start, min(start + share, loads)) for start in range(0, loads, share)]
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(work, shares))

@@ -18,9 +18,8 @@ from surrogate.mechanics.compiled.fields import (
     compiled,
     longest,
 )
-from surrogate.mechanics.series.compiled_series import SeriesBody, weights_of
+from surrogate.mechanics.series.compiled_series import SeriesBody, in_threads, weights_of
 from surrogate.mechanics.series.compiled_terms import Terms, add_term, room_for_terms
-from surrogate.mechanics.series.load_threads import in_threads
 from surrogate.mechanics.solids.solid import Solid
 
 MOST = 2**22  # products of degrees of freedom and values of a field: 32 MB

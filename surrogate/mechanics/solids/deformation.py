@@ -20,6 +20,10 @@ or a material has no energy, the energy is +∞.
 All of it is sums of products, of tensors, of series of such
 (`surrogate.mechanics.energy.power_series`), or of numbers that are recorded
 (`surrogate.mechanics.energy.recording`).
+
+The law of a material is recorded as a whole by `recorded_law`, of F, directions of fibres and, of
+some elements, θ and p. What runs the recording, with numbers, derivatives or power series, computes
+the stress of any material.
 """
 
 from __future__ import annotations
@@ -37,7 +41,7 @@ from shared_schema.common.bodies.polar_decomposition import library_of
 from shared_schema.materials import Material
 from surrogate.mechanics.energy.law import DILATION, FIBRES, FIRST, SECOND, VOLUME, Law, law_of
 from surrogate.mechanics.energy.power_series import Series, Spherical, product, unit_tensor
-from surrogate.mechanics.energy.recording import is_zero
+from surrogate.mechanics.energy.recording import Recording, is_zero
 from surrogate.mechanics.energy.tape import sum_of_products
 
 Values = Any  # a tensor, an array of recorded numbers, or a series; or a number
@@ -233,3 +237,43 @@ def _guarded(j: Values) -> Values:
     if isinstance(j, Series):
         return j.guarded(_inside)
     return torch.where(_inside(j), j, 1.0) if isinstance(j, Tensor) else j
+
+
+def recorded_law(law: Law, d: int, projects: bool) -> tuple[Recording, dict[str, Any]]:
+    """Record the derivatives of W(F, θ) + p (J - θ) by F and, where there are some, θ and p.
+
+    Parameters
+    ----------
+    law : Law
+    d : int
+        Dimension.
+    projects : bool
+        Whether the element finds θ and p by itself.
+
+    Returns
+    -------
+    recording : Recording
+        Its inputs are F, (d, d), directions (families, d), and θ and p.
+    outputs : dict
+        ``derivatives``; ``stress``, those by F; ``volume``, J; ``energy``, W; ``slope``, ∂W/∂θ.
+    """
+    size = d * d + law.families * d
+    recording = Recording(size + 2 * projects)
+    f: Any = recording.inputs[: d * d].reshape(d, d)
+    fibres: Any = recording.inputs[d * d : size].reshape(-1, d)
+    dilation, pressure = recording.inputs[size:] if projects else (None, None)
+    state: Any = Deformation(f, dilation, fibres)
+    energy, *first = law.recording.replayed(state.measures, law.outputs)
+    stress = state.stress(first)
+    outputs = {
+        "volume": state.j,
+        "energy": energy,
+        "stress": stress,
+        "derivatives": stress.ravel(),
+    }
+    if projects:
+        stress = stress + pressure * state.cofactor
+        slope = first[DILATION]
+        by = [*stress.ravel(), slope - pressure, state.j - dilation]
+        outputs |= {"slope": slope, "stress": stress, "derivatives": np.array(by)}
+    return recording, outputs

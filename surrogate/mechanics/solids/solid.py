@@ -20,10 +20,10 @@ square over the body (Simo, Taylor and Pister 1985),
     E(u) = \sum_q w_q W(\bar F_q), \quad \bar F = (θ / J)^{1/d} F, \quad θ = Π J, \qquad
     P = \frac{∂W}{∂F} + p \, \mathrm{cof} F, \quad p = Π \frac{∂W}{∂θ}.
 
-These functions are constant in every cell (`surrogate.mechanics.solids.mean_dilation`), or linear
-in it and continuous (`surrogate.mechanics.solids.taylor_hood`). A displacement that is slightly
-wrong has pressures p that are very wrong, since a small change of the volume makes a large one. The
-tangent without them is called relaxed; a step with it makes the volumes right.
+These functions are constant in every cell, or linear in it and continuous
+(`surrogate.mechanics.solids.mixed_elements`). A displacement that is slightly wrong has pressures p
+that are very wrong, since a small change of the volume makes a large one. The tangent without them
+is called relaxed; a step with it makes the volumes right.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ from shared_schema.materials import Materials, as_tuple
 from surrogate.mechanics.energy.law import Law, law_of
 from surrogate.mechanics.energy.recording import Recording
 from surrogate.mechanics.matrices.sparse_products import SparseProduct
+from surrogate.mechanics.solids.deformation import recorded_law
 from surrogate.mechanics.solids.elements import cell_gradients
-from surrogate.mechanics.solids.recorded_law import recorded_law
 from surrogate.mechanics.solids.stress_path import StressPath
 
 if TYPE_CHECKING:

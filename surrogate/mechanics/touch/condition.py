@@ -1,4 +1,9 @@
-"""What is wanted of a body where forces are unknown: a grip's places held, or nothing in a tool."""
+r"""What is wanted of a body where forces are unknown: a grip's places held, or nothing in a tool.
+
+Contact is a linear complementarity problem: which nodes bear a force, and which are apart.
+
+.. math:: w = A λ + q, \qquad w \ge 0, \quad λ \ge 0, \quad λ^T w = 0
+"""
 
 from __future__ import annotations
 
@@ -9,7 +14,7 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from surrogate.mechanics.touch.linear_body import LinearBody
+from surrogate.mechanics.touch.loaded_body import LinearBody
 
 Array = NDArray[np.float64]
 
@@ -78,3 +83,48 @@ class Held(Condition):
     def moved_from(self, last: Held | None, u: Array, force: Array) -> Array:
         """Return the change of the target, from rest if there was none."""
         return self.target if last is None else self.target - last.target
+
+
+BLOCKS = 5  # exchanges of many unknowns that may bring no progress
+MOST = 300  # exchanges at all
+
+
+def solve_complementarity(matrix: Array, offset: Array, begins: NDArray[np.bool_]) -> Array | None:
+    """Solve by block principal pivoting (Portugal, Júdice and Vicente 1994, *Math. Comp.* 63).
+
+    All unknowns on the wrong side are exchanged at once; where that makes no progress, only the
+    last of them, which always ends for matrices of positive principal minors (Murty 1974).
+
+    Parameters
+    ----------
+    matrix, offset : array, (n, n) and (n,)
+        A and q.
+    begins : array of bool, (n,)
+        Unknowns that are not 0 at first.
+
+    Returns
+    -------
+    array, (n,), or None
+        λ; None if no solution is found.
+    """
+    inside, best, left = begins.copy(), len(offset) + 1, BLOCKS
+    slack = 1e-12 * max(float(np.abs(offset).max(initial=0.0)), 1e-300)
+    for _ in range(MOST):
+        found = np.zeros(len(offset))
+        part = np.flatnonzero(inside)
+        try:
+            found[part] = np.linalg.solve(matrix[np.ix_(part, part)], -offset[part])
+        except np.linalg.LinAlgError:
+            return None
+        apart = matrix @ found + offset
+        wrong = np.flatnonzero(np.where(inside, found < 0, apart < -slack))
+        if not len(wrong):
+            return found
+        if len(wrong) < best:
+            best, left = len(wrong), BLOCKS
+        elif left:
+            left -= 1
+        else:
+            wrong = wrong[-1:]
+        inside[wrong] = ~inside[wrong]
+    return None

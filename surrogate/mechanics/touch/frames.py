@@ -28,8 +28,7 @@ from surrogate.mechanics.descent.aim import require_positive
 from surrogate.mechanics.statics.prediction import Predictor
 from surrogate.mechanics.touch.condition import Condition
 from surrogate.mechanics.touch.defect_correction import ROUGHLY, DefectCorrection
-from surrogate.mechanics.touch.linear_body import LinearBody
-from surrogate.mechanics.touch.loaded_body import LoadedBody, Predict
+from surrogate.mechanics.touch.loaded_body import LinearBody, LoadedBody, Predict
 from surrogate.mechanics.touch.search import Bend, ForceSearch, Shown, halved_steps
 
 Array = NDArray[np.float64]

@@ -1,7 +1,7 @@
 r"""Unknown forces under which predictions fulfil a condition: places held, or a tool touched.
 
 Around a prediction the body is taken for linear, :math:`u ≈ u_k + C (f - f_k)`
-(`surrogate.mechanics.touch.linear_body`). A prediction with the forces that the condition asks of
+(`surrogate.mechanics.touch.loaded_body`). A prediction with the forces that the condition asks of
 this linear body is the next :math:`u_k`, and tells what C lacks; it is the last one if the
 condition is fulfilled. Where a step makes it worse, a part of it is taken; where that does not
 help, the condition is approached in steps, which are halved where they fail.
@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from shared_schema.common.errors import WorkError
 from surrogate.mechanics.touch.condition import Condition
-from surrogate.mechanics.touch.linear_body import LinearBody
+from surrogate.mechanics.touch.loaded_body import LinearBody
 
 Array = NDArray[np.float64]
 State = TypeVar("State")

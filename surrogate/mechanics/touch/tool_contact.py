@@ -1,7 +1,7 @@
 r"""Contact of a body with a rigid tool: Newton's method around complementarity problems.
 
 Around a state with forces f of the tool at positions x, displacements are :math:`δx = C \, δf`
-(`surrogate.mechanics.touch.linear_body`). Sought is
+(`surrogate.mechanics.touch.loaded_body`). Sought is
 
 .. math:: f_a = λ_a \, n(x_a), \qquad g(x_a) \ge 0, \quad λ_a \ge 0, \quad λ_a \, g(x_a) = 0,
 
@@ -23,9 +23,8 @@ from numpy.typing import NDArray
 
 from shared_schema.tools import Tool
 from surrogate.mechanics.descent.driven_body import longest
-from surrogate.mechanics.touch.complementarity import solve_complementarity
-from surrogate.mechanics.touch.condition import Condition
-from surrogate.mechanics.touch.linear_body import LinearBody
+from surrogate.mechanics.touch.condition import Condition, solve_complementarity
+from surrogate.mechanics.touch.loaded_body import LinearBody
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]

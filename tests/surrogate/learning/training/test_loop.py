@@ -32,8 +32,7 @@ from surrogate.learning.runs.seal import append_line
 from surrogate.learning.runs.split import split_training
 from surrogate.learning.training.loop import train
 from surrogate.learning.training.setup import split_for
-from surrogate.runtime.device import choose_device
-from surrogate.runtime.seeds import stream
+from surrogate.runtime.device import choose_device, stream
 
 CPU = torch.device("cpu")
 MakeConfig = Callable[..., UNetModel]

@@ -25,8 +25,7 @@ from surrogate.learning.models.model import TrainedModel
 from surrogate.learning.networks.linear_map import compliance_of
 from surrogate.learning.training.loop import train
 from surrogate.learning.training.setup import make_trainer, split_for
-from surrogate.mechanics.body.free_components import at_free
-from surrogate.mechanics.body.geometry import Geometry
+from surrogate.mechanics.body.geometry import Geometry, at_free
 from tests.surrogate.conftest import CELL_TYPES, make_mesh
 from tests.surrogate.plane_strain import plane_strain_stiffness, sparse
 from tests.surrogate.rollers import held_components, rolling

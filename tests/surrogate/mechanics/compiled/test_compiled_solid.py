@@ -10,7 +10,7 @@ from surrogate.mechanics.compiled import cells
 from surrogate.mechanics.energy.law import DILATION
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from surrogate.mechanics.solids.deformation import Deformation, cofactors, determinant
-from surrogate.mechanics.solids.taylor_hood import TaylorHoodSolid
+from surrogate.mechanics.solids.mixed_elements import TaylorHoodSolid
 from tests.surrogate.mechanics.series.test_body_series import ELEMENTS, MATERIALS, body
 
 BODIES = [

@@ -19,8 +19,7 @@ from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.inference.export import export, load_exported
 from surrogate.learning.inference.loading import load
 from surrogate.learning.models.unet_model import UNetModel
-from surrogate.mechanics.equilibrium.linear_response import LinearResponse
-from surrogate.mechanics.equilibrium.nodal_gradient import nodal_gradient
+from surrogate.mechanics.equilibrium.linear_response import LinearResponse, nodal_gradient
 from tests.surrogate.plane_strain import plane_strain_stiffness
 from tests.surrogate.resuming import trained
 from tests.surrogate.unet_configs import unet_config

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from shared_schema.common.bodies.reference_cells import CORNERS, shape_gradients
-from surrogate.mechanics.equilibrium.nodal_gradient import nodal_gradient
+from surrogate.mechanics.equilibrium.linear_response import nodal_gradient
 from surrogate.mechanics.matrices.sparse_products import SparseProduct
 
 CUBE = np.array([(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))], float)

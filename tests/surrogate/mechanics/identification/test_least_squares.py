@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.stats import t
 
 from surrogate.mechanics.identification.least_squares import Model, fit, refit
-from surrogate.mechanics.identification.misfit import noise_probability, order_probability
+from surrogate.mechanics.identification.markers import noise_probability, order_probability
 
 Array = NDArray[np.float64]
 

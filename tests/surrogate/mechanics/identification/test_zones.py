@@ -14,7 +14,7 @@ from shared_schema.common.errors import InputError, WorkError
 from surrogate import Markers, identify
 from surrogate.command_line import main
 from surrogate.learning.data.dataset import Dataset
-from surrogate.mechanics.identification.equilibrium_response import EquilibriumResponse
+from surrogate.mechanics.identification.responses import EquilibriumResponse
 from surrogate.mechanics.identification.unknowns import Unknowns
 from surrogate.mechanics.statics.load import given_load
 from tests.surrogate.mechanics.bodies import with_zones

@@ -13,8 +13,8 @@ from surrogate.learning.models.kinds import run_config
 from surrogate.mechanics.body.elements_of_case import with_elements
 from surrogate.mechanics.series.body_series import BodySeries
 from surrogate.mechanics.series.series_response import SeriesResponse
+from surrogate.mechanics.solids.mixed_elements import TaylorHoodSolid
 from surrogate.mechanics.solids.solid import Solid
-from surrogate.mechanics.solids.taylor_hood import TaylorHoodSolid
 from tests.surrogate.mechanics.bodies import box, end_load
 from tests.surrogate.mechanics.series.test_body_series import (
     MATERIALS,

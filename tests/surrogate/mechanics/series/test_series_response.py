@@ -20,7 +20,7 @@ from surrogate.learning.models.unet_model import UNetModel
 from surrogate.mechanics.certify.correction import correct
 from surrogate.mechanics.equilibrium.linear_response import LinearResponse
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
-from surrogate.mechanics.series.load_threads import in_threads
+from surrogate.mechanics.series.compiled_series import in_threads
 from surrogate.mechanics.series.series_response import SeriesResponse
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load, in_equilibrium, zoned
 from tests.surrogate.resuming import assert_resumes, trained

@@ -12,7 +12,7 @@ from shared_schema.materials import NeoHookean
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from surrogate.mechanics.solids.deformation import energy_density
-from surrogate.mechanics.solids.mean_dilation import MeanDilationSolid
+from surrogate.mechanics.solids.mixed_elements import MeanDilationSolid
 from tests.surrogate.mechanics.bodies import box, end_load
 
 SILICONE = NeoHookean(young_modulus=500, poisson_ratio=0.499)

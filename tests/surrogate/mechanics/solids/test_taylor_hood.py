@@ -14,7 +14,7 @@ from surrogate.mechanics.certify.correction import correct
 from surrogate.mechanics.certify.full_certificate import certify
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from surrogate.mechanics.solids.deformation import energy_density
-from surrogate.mechanics.solids.taylor_hood import TaylorHoodSolid
+from surrogate.mechanics.solids.mixed_elements import TaylorHoodSolid
 from tests.surrogate.mechanics.bodies import box, end_load
 
 CELLS = ("triangle", "tetra")
@@ -150,7 +150,7 @@ def test_two_materials_and_small_units() -> None:
 def test_mass_matrix_by_products_alone(cell_type: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where there is no factor, Chebyshev's iteration solves as it does, with gradients."""
     small = body_of(cell_type).solid
-    monkeypatch.setattr("surrogate.mechanics.solids.taylor_hood.DENSE", 0)
+    monkeypatch.setattr("surrogate.mechanics.solids.mixed_elements.DENSE", 0)
     solid, draw = body_of(cell_type).solid, torch.Generator().manual_seed(0)
     shape = len(solid.cells), 3, solid.volumes.shape[1]
     values = torch.randn(shape, generator=draw, dtype=torch.float64, requires_grad=True)

@@ -15,7 +15,7 @@ from shared_schema.common.errors import InputError, WorkError
 from surrogate.command_line import main
 from surrogate.mechanics.touch.condition import Held
 from surrogate.mechanics.touch.grip import TOLERANCE
-from surrogate.mechanics.touch.linear_body import LinearBody
+from surrogate.mechanics.touch.loaded_body import LinearBody
 from surrogate.mechanics.touch.search import ForceSearch, Shown
 
 Array = NDArray[np.float64]

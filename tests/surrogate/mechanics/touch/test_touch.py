@@ -13,8 +13,8 @@ import surrogate
 from shared_schema.common.errors import InputError, WorkError
 from shared_schema.tools import Capsule, Mesh, Plane, Sphere, Tool
 from surrogate.command_line import main
-from surrogate.mechanics.touch.complementarity import solve_complementarity
-from surrogate.mechanics.touch.linear_body import LinearBody
+from surrogate.mechanics.touch.condition import solve_complementarity
+from surrogate.mechanics.touch.loaded_body import LinearBody
 from surrogate.mechanics.touch.touch import TOLERANCE
 from tests.closed_surfaces import ball, surface_file
 

@@ -1,5 +1,5 @@
 /**
- * Linear complementarity problems by block principal pivoting, as `surrogate/mechanics/touch/complementarity.py`:
+ * Linear complementarity problems by block principal pivoting, as `surrogate/mechanics/touch/condition.py`:
  *
  *   w = A λ + q,  w ≥ 0,  λ ≥ 0,  λ·w = 0
  */

@@ -1,6 +1,6 @@
 /**
  * What forces on some loads do to the body, as far as predictions have told, as
- * `surrogate/mechanics/touch/linear_body.py`:
+ * `surrogate/mechanics/touch/loaded_body.py`:
  *
  *   δu = C δf,  C = K⁻¹ + Σ ± v vᵀ
  *

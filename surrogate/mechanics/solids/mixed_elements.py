@@ -1,8 +1,17 @@
-r"""A solid of Taylor and Hood's elements: `incompressible` triangles and tetrahedra.
+r"""Solids of mixed elements, which have a dilation θ and a pressure p: `incompressible` ones.
 
-Displacements are quadratic; θ and p are linear in every cell and continuous. They follow from the
-displacement by solves with the mass matrix M of their functions :math:`N_a`, the projection Π of
-`surrogate.mechanics.solids.solid`:
+In quadrilaterals and hexahedra (*F-bar*, or *mean dilatation*), θ is the mean of J over a cell, and
+p that of ∂W/∂θ. So the tangent of a cell with the volume V is that at fixed θ and p
+(`surrogate.mechanics.solids.solid`) and
+
+.. math::
+    \frac{c ⊗ v + v ⊗ c}{V} + \frac{s}{V^2} \, v ⊗ v, \qquad
+    v = \frac{∂}{∂u} \sum_q w_q J_q, \quad
+    c = \sum_q w_q \frac{∂^2 W}{∂u ∂θ}, \quad s = \sum_q w_q \frac{∂^2 W}{∂θ^2}.
+
+Triangles and tetrahedra are those of Taylor and Hood: displacements are quadratic; θ and p are
+linear in every cell and continuous. They follow from the displacement by solves with the mass
+matrix M of their functions :math:`N_a`, the projection Π of `surrogate.mechanics.solids.solid`:
 
 .. math::
     M θ = \sum_q w_q N_a J_q, \qquad M p = \sum_q w_q N_a \frac{∂W}{∂θ}, \qquad
@@ -36,10 +45,45 @@ from torch import Tensor
 
 from shared_schema.common.bodies.reference_cells import quadratic_quadrature
 from surrogate.mechanics.energy.law import law_of
-from surrogate.mechanics.matrices.cell_matrices import sum_of_cells
+from surrogate.mechanics.matrices.factors import sum_of_cells
 from surrogate.mechanics.matrices.sparse_products import SparseProduct
 from surrogate.mechanics.solids.deformation import determinant
 from surrogate.mechanics.solids.solid import Solid
+
+
+class MeanDilationSolid(Solid):
+    """Energy and forces of a body of such cells, for N displacement fields at once."""
+
+    projects = True
+
+    def projected(self, values: Tensor) -> Tensor:
+        """Mean over a cell, at its points: (n_cells, N, n_points) → same."""
+        weights = self.volumes[:, None]
+        mean = (weights * values).sum(-1, keepdim=True) / weights.sum(-1, keepdim=True)
+        return mean.expand_as(values)
+
+    def dilation(self, u: Tensor) -> Tensor:
+        """θ of every cell: (N, n_nodes, d) in m → (n_cells, N)."""
+        return self.projected(determinant(self.deformation_gradient(u)))[..., 0]
+
+    def _functions(
+        self, cells: NDArray[np.int64], cell_type: str
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """One of every cell, 1 at its points."""
+        return np.ones((self.volumes.shape[1], 1)), np.arange(len(cells))[:, None]
+
+    def solved_mass(self, sums: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Divide by the volumes of the cells."""
+        return sums / self.volumes.sum(1).numpy()
+
+    def composed(
+        self, first: Tensor, by_dilation: Tensor, by_pressure: Tensor, square: Tensor
+    ) -> Tensor:
+        """Tangent of cells from its parts, as that of `Solid`."""
+        of_volume = by_pressure / self.volumes.sum(1)[:, None, None]
+        product = by_dilation @ of_volume.mT
+        return first + product + product.mT + square * of_volume @ of_volume.mT
+
 
 DENSE = 1000  # functions up to which M⁻¹ is a matrix
 ITERATIONS = 24  # 0.38²⁴ is 1e-10
