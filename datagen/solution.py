@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -208,6 +209,7 @@ def solve(
     stresses: bool = False,
     volumetric: Volumetric | None = None,
     changes: Sequence[str] = (),
+    parameters: Mapping[str, float] = MappingProxyType({}),
     trust: bool = False,
     comm: Any = None,
 ) -> Solution:
@@ -242,6 +244,9 @@ def solve(
         from rest.
     stresses : bool
         Compute stresses as well.
+    parameters : mapping of str to float
+        Those of the shape, of a case whose mesh has ranges of them; others, and all by default, are
+        in the middle of their ranges.
     comm : mpi4py communicator, optional
         Its ranks share the body, and all return the same solution (collective).
 
@@ -263,7 +268,7 @@ def solve(
         given = command_loads(body, load, files, held, nearest, body_force, needed=tool is None)
         return given
 
-    body = make_body(found, MPI.COMM_SELF if comm is None else comm, driven)
+    body = make_body(found, MPI.COMM_SELF if comm is None else comm, driven, parameters)
     assert given is not None
     try:
         return _solved(body, given, start, stresses, _Pushing(tool, friction, tool_from))

@@ -10,6 +10,7 @@ from shared_schema.common.bodies.points_between import PointsBetween
 from shared_schema.layout import NO_NODE, Arrays
 from shared_schema.manifest import Manifest
 
+OF_SHAPES = "mesh/shape_terms", "mesh/parameter_names", "samples/parameters"
 UNIT = 1e-9  # largest difference of the length of a direction from 1
 
 
@@ -112,7 +113,29 @@ def body_problems(arrays: Arrays) -> list[str]:
         *_fibres(arrays),
         *_pressures(arrays),
         *_forces_between(arrays),
+        *_shapes(arrays),
     ]
+
+
+def _shapes(arrays: Arrays) -> list[str]:
+    """Name parameters outside of their ranges, and node positions that are not those of theirs."""
+    if not any(name.startswith(OF_SHAPES) for name in arrays):
+        return []
+    from shared_schema.common.bodies.shape_family import ShapeFamily
+
+    shapes, parameters = ShapeFamily.of_arrays(arrays), arrays.get("samples/parameters")
+    if shapes is None or parameters is None:
+        return [f"datasets {', '.join(f'{name!r}' for name in OF_SHAPES)} do not stand together"]
+    if not np.array_equal(shapes.terms[0], arrays["mesh/coordinates"]):
+        return ["dataset 'mesh/shape_terms' does not begin with 'mesh/coordinates'"]
+    positions = arrays.get("samples/coordinates", [None] * len(parameters))
+    size = UNIT * float(np.ptp(shapes.terms[0], axis=0).max())
+    for values, x in zip(parameters, positions, strict=True):
+        if outside := shapes.outside(values):
+            return [f"dataset 'samples/parameters': {outside[0]}"]
+        if x is not None and np.abs(x - shapes.coordinates(values)).max() > size:
+            return ["dataset 'samples/coordinates' is not the shape of 'samples/parameters'"]
+    return []
 
 
 def _held(arrays: Arrays) -> list[str]:

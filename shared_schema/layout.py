@@ -4,7 +4,8 @@ Axes are named: ``sample``, ``node``, ``dim`` (space dimension d), ``cell``, ``c
 ``load`` (loaded nodes of a sample, padded), ``failed``; ``*grid`` stands for nx, ny[, nz];
 ``source`` (nodes that a grid point's value is made of), ``target`` (grid points for a node's),
 ``entry``, ``pointer`` (of a sparse matrix); ``group`` (of nodes), ``facet``, ``facet_corner`` and
-``surface`` (of the body's surface under pressure); ``family`` (of fibres); ``pose`` (centre and
+``surface`` (of the body's surface under pressure); ``parameter``, ``end`` (of its range), ``term``
+(of a family of shapes); ``family`` (of fibres); ``pose`` (centre and
 radius of a ball); ``between`` (points of quadratic elements between the nodes, in the order of
 `shared_schema.common.bodies.points_between`).
 An axis has the same length wherever it appears in one shard, and all axes but ``sample``,
@@ -86,6 +87,8 @@ def _between(group: str, axis: str) -> str:
 STABLE = """\
 samples/stable : bool (sample) 1, optional — the equilibrium is stable: its tangent is positive
     definite"""
+PARAMETERS = """\
+samples/parameters : float64 (sample, parameter) 1, optional — parameters of each sample's shape"""
 SPLIT = """\
 samples/number : int64 (sample) 1 — sample number
 samples/is_test : bool (sample) 1 — belongs to the test split"""
@@ -106,6 +109,10 @@ mesh/group_facets : bool (group, side) 1, optional — facets of the groups, of 
     in the lexicographic order of their nodes, ascending; without it all whose nodes belong
 mesh/group_cells : bool (group, cell) 1, optional — cells of the groups; without it all whose nodes
     belong
+mesh/parameter_names : str (parameter) 1, optional — names of the parameters of a family of shapes
+mesh/parameter_ranges : float64 (parameter, end) 1, optional — lowest and highest value of each
+mesh/shape_terms : float64 (term, node, dim) m, optional — node positions as a quadratic polynomial
+    of the parameters (`shared_schema.common.bodies.shape_family`); the first are `coordinates`
 mesh/pressed : int64 (facet, facet_corner) 1, optional — facets under a pressure that follows the
     surface, seen from outside
 mesh/pressed_surface : int64 (facet) 1, optional — number of the surface that each of them belongs
@@ -130,6 +137,9 @@ samples/tool : float64 (sample, pose) m, optional — centre and radius of the r
     the body; `force` includes its forces
 samples/penetration : float64 (sample) m, optional — largest depth of a node inside the ball
 {STABLE}
+{PARAMETERS}
+samples/coordinates : float64 (sample, node, dim) m, optional — node positions of the undeformed
+    body of each sample, if they are not those of all
 failed/number : int64 (failed) 1 — sample number of unsolved load cases
 failed/loaded_nodes : int64 (failed, load) 1 — loaded nodes, padded with -1
 failed/force : float64 (failed, load, dim) N — force vectors, padded with 0
@@ -138,6 +148,7 @@ failed/load_factor : float64 (failed) 1 — part of the load under which an equi
     found
 failed/reason : str (failed) 1 — why the load case was given up
 failed/pressure : float64 (failed, surface) Pa, optional — pressure on each surface
+failed/parameters : float64 (failed, parameter) 1, optional — parameters of each load case's shape
 """)
 STRUCTURED = MESH + _tree(f"""
 grid/node_at : int64 (*grid) 1 — node number at each grid point, -1 where the grid has no node
@@ -149,6 +160,7 @@ samples/displacement : float32 (sample, dim, *grid) m — nodal displacement, ch
     the grid has no node
 {_between("samples", "sample")}
 {STABLE}
+{PARAMETERS}
 """)
 EMBEDDED = MESH + _tree(f"""
 grid/sources : int64 (*grid, source) 1 — nodes that the value at each grid point is made of, -1
@@ -170,6 +182,7 @@ samples/nodal_displacement : float32 (sample, node, dim) m — displacement of e
     equilibrium
 {_between("samples", "sample")}
 {STABLE}
+{PARAMETERS}
 """)
 STIFFNESS = _tree("""
 stiffness/data : float64 (entry) N/m — entries of the stiffness of the undeformed body, no supports

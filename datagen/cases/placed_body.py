@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any, Literal
 
@@ -71,6 +71,17 @@ class PlacedBody:
         """Nodes of the surface."""
         return np.unique(boundary_facets(self.mesh.cells, self.mesh.cell_type))
 
+    def of_shape(self, values: NDArray[np.float64]) -> PlacedBody:
+        """The body with its nodes where they are in the shape of some parameters, (n,).
+
+        Supports, materials, directions of fibres and loadable nodes are those of the reference.
+        """
+        assert self.mesh.shapes is not None
+        whole = {field.name: getattr(self.mesh, field.name) for field in fields(RawMesh)}
+        mesh = RawMesh(**{**whole, "coordinates": self.mesh.shapes.coordinates(values)})
+        loads = self.loads.on(mesh.coordinates)
+        return PlacedBody(self.case, mesh, self.held, self.parts, self.fibres, loads)
+
     def warnings(self) -> list[str]:
         """What the numbers of this body are not good for."""
         ratio = max(ratio_at_rest(material) for material in self.case.materials)
@@ -92,6 +103,8 @@ class PlacedBody:
             arrays["mesh/material"] = self.parts
         if self.fibres is not None:
             arrays["mesh/fibres"] = self.fibres
+        if mesh.shapes is not None:
+            arrays |= mesh.shapes.arrays()
         arrays |= group_arrays(mesh.node_sets, mesh.cells, mesh.cell_type, mesh.parts)
         surfaces = self.loads.pressed
         if surfaces:

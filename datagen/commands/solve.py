@@ -13,6 +13,7 @@ from shared_schema.common.command_line import (
     add_command,
     add_held,
     add_loads,
+    add_parameter,
     add_tool,
 )
 from shared_schema.common.files import require_writable
@@ -56,6 +57,7 @@ def add_solve(commands: Commands) -> None:
         metavar="FILE.npz",
         help="start from the displacement in this file, such as a prediction of `surrogate`",
     )
+    add_parameter(parser)
     parser.add_argument("--stresses", action="store_true", help=STRESSES)
     parser.add_argument(
         "--out",
@@ -78,7 +80,7 @@ def _solve(options: argparse.Namespace) -> None:
     if comm.rank == 0:
         require_writable(options.out)
     loads = ("load", "forces", "held", "tool", "friction", "tool_from", "body_force", "nearest")
-    others = ("start", "stresses", "volumetric", "changes", "trust")
+    others = ("parameters", "start", "stresses", "volumetric", "changes", "trust")
     given = {name: getattr(options, name) for name in (*loads, *others)}
     solution = solve(options.case, **given, comm=comm)
     if comm.rank > 0:

@@ -26,6 +26,7 @@ from datagen.transforms.written_dataset import software_versions
 from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.bodies.groups import RawMesh
 from shared_schema.common.bodies.reference_cells import CORNERS
+from shared_schema.common.bodies.shape_family import TERMS
 from shared_schema.common.errors import InputError, StoppedError, WorkError
 from shared_schema.common.machine import largest_resident, require_memory
 from shared_schema.common.progress import Progress
@@ -297,7 +298,7 @@ def _manifest(case: Case, journal: Journal, shards: tuple[ShardEntry, ...]) -> M
     is_consistent = not corners_only and (
         "samples/force_between" in first or not act_between(case.loads, dimension)
     )  # else an earlier version has made the shards
-    if checksum is None and corners_only:
+    if checksum is None and corners_only and TERMS not in first:  # of one shape
         mesh = RawMesh(first["mesh/coordinates"], first["mesh/cells"], cell_type)
         of_cells = first.get("mesh/material"), first.get("mesh/fibres")
         stiffness = stiffness_of(mesh, case.material, case.element, *of_cells)

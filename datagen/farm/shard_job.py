@@ -17,7 +17,7 @@ from datagen.solver.tool_contact import INSIDE, touched
 from datagen.stability import with_stability
 from shared_schema.common.bodies.equilibrium import size_warning
 from shared_schema.common.errors import InputError
-from shared_schema.samples.results import Result, result_arrays
+from shared_schema.samples.results import Result, not_begun, result_arrays
 from shared_schema.tools import Sphere
 
 
@@ -76,11 +76,26 @@ class ShardJob:
         InputError
             On every rank of the group, if the load family draws no load case.
         """
-        case, problem = self.case, self.body.problem
-        number, loads = self.number, self.body.loads
-        load = on_rank_zero(self.body.mesh.domain.comm, lambda: loads[number])
+        body, shapes, number = self.body, self.body.mesh.shapes, self.number
+        if shapes is None:
+            return self._solve(body)
+        values = shapes.drawn(self.case.dataset.seed, number)
+        tangled = shapes.problem(values, body.mesh.cells, body.mesh.cell_type)
+        if tangled is not None:
+            self.results.append(not_begun(number, body.of_shape(values).loads[number], tangled))
+            return False
+        body = body.reshaped(values)
+        try:
+            return self._solve(body)
+        finally:
+            body.problem.close()
+
+    def _solve(self, body: Body) -> bool:
+        """Solve the next load case on a body (collective)."""
+        case, problem, number = self.case, body.problem, self.number
+        load = on_rank_zero(body.mesh.domain.comm, lambda: body.loads[number])
         began = time.perf_counter()
-        self._put(load.tool)
+        self._put(body, load.tool)
         acting = problem, load.nodes, load.forces, case.solver
         driven = load.pressures, load.displacement
         report = solve_load_case(*acting, *driven, between=load.between)
@@ -89,22 +104,20 @@ class ShardJob:
         grip = None if load.is_dead else problem.grip()
         displacement, touch = problem.displacement(), problem.load.contact
         contact = None if touch is None else touch.found(displacement)
-        if contact is not None and contact.penetration > INSIDE * np.ptp(
-            self.body.mesh.coordinates
-        ):
+        if contact is not None and contact.penetration > INSIDE * np.ptp(body.mesh.coordinates):
             report = replace(report, solved=False, explanation="a node is inside the tool")
         self.results.append(Result(number, load, grip, contact, displacement, report, elapsed))
         return report.solved
 
-    def _put(self, tool: Sphere | None) -> None:
+    def _put(self, body: Body, tool: Sphere | None) -> None:
         """Put the tool where it shall be, or away (collective)."""
-        problem = self.body.problem
+        problem = body.problem
         problem.load.contact = None
         if tool is None:
             return
         problem.reset()
         try:
-            problem.load.contact = touched(problem, tool, self.body.surface)
+            problem.load.contact = touched(problem, tool, body.surface)
         except InputError as error:
             raise InputError(f"sample {self.number}: {error}") from None
 
@@ -116,4 +129,6 @@ class ShardJob:
 
     def arrays(self) -> dict[str, Any]:
         """Results so far as arrays, by their paths in the schema of a nodal shard."""
-        return self.body.shard_arrays() | result_arrays(self.body.loads, self.results)
+        return self.body.shard_arrays() | result_arrays(
+            self.body.loads, self.results, self.body.mesh.shapes
+        )

@@ -14,9 +14,18 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, PrivateAttr, model_validator
+import numpy as np
+from pydantic import (
+    AfterValidator,
+    Discriminator,
+    Field,
+    PrivateAttr,
+    Tag,
+    field_validator,
+    model_validator,
+)
 
 from datagen.mesh.files.abaqus_file import is_of_abaqus, mesh_of_abaqus
 from datagen.mesh.files.cad_file import is_cad, mesh_of_cad
@@ -28,17 +37,36 @@ from datagen.mesh.files.gmsh_file import (
     require_harmless,
 )
 from datagen.mesh.files.meshio_file import mesh_by_meshio
+from datagen.mesh.files.script_shapes import OF_SHAPES, positions_of_shapes
 from datagen.mesh.files.surface_file import is_surface, mesh_inside
 from datagen.mesh.overlap import overlap_problem
 from datagen.mesh.raw_mesh import read_raw_mesh, write_raw_mesh
 from datagen.mesh.refinement import refined
+from shared_schema.common.bodies.equilibrium import mean_edge
 from shared_schema.common.bodies.groups import RawMesh
+from shared_schema.common.bodies.shape_family import MOST, ShapeFamily, design
 from shared_schema.common.configuration import Frozen, absent
 from shared_schema.common.errors import InputError, first_line
 from shared_schema.common.files import sha256
 from shared_schema.common.units import Size
+from shared_schema.loads.family import ascending
 
 Parameter = Annotated[float, Field(ge=-1e12, le=1e12)]
+Range = Annotated[tuple[Parameter, Parameter], AfterValidator(ascending)]
+
+
+def _form(value: Any) -> str:
+    return "(a range)" if isinstance(value, list | tuple) else "(a number)"
+
+
+Parameters = dict[
+    str,
+    Annotated[
+        Annotated[Parameter, Tag("(a number)")] | Annotated[Range, Tag("(a range)")],
+        Discriminator(_form),
+    ],
+]
+FARTHEST = 0.05  # of a node of a shape from where the script puts it, over the mean edge
 UNFIT = 3  # exit code of the process that reads a mesh, if it says what is wrong
 
 
@@ -65,9 +93,10 @@ class MeshFile(Frozen):
     refine : int
         Number of times that every cell is divided, in four in the plane, in eight in space
         (`datagen.mesh.refinement`).
-    parameters : mapping of str to float
+    parameters : mapping of str to float or tuple of 2 floats
         Values of constants that a gmsh script defines by ``DefineConstant``, of such a script only:
-        each set of values is another shape of one family.
+        each set of values is another shape of one family. Those of ranges [low, high] are drawn for
+        every sample, and move the nodes of one mesh (`shared_schema.common.bodies.shape_family`).
     """
 
     kind: Literal["file"]
@@ -76,8 +105,15 @@ class MeshFile(Frozen):
     sha256: str | None = Field(None, pattern=r"^[0-9a-f]{64}$")
     scale: float = Field(1.0, ge=1e-12, le=1e12, exclude_if=lambda scale: scale == 1.0)
     refine: int = Field(0, ge=0, le=6, exclude_if=lambda refine: refine == 0)
-    parameters: dict[str, Parameter] = Field({}, exclude_if=lambda parameters: not parameters)
+    parameters: Parameters = Field({}, exclude_if=lambda parameters: not parameters)
     _folder: Path = PrivateAttr(default=Path())
+
+    @field_validator("parameters", mode="before")
+    @classmethod
+    def _ranges_are_tuples(cls, value: Any) -> Any:
+        if not isinstance(value, dict):
+            return value
+        return {name: tuple(v) if isinstance(v, list) else v for name, v in value.items()}
 
     @model_validator(mode="after")
     def _has_size_of_cad(self) -> MeshFile:
@@ -94,7 +130,16 @@ class MeshFile(Frozen):
     def _has_parameters_of_a_script(self) -> MeshFile:
         if self.parameters and not is_script(self.path):
             raise ValueError(f"'parameters' of '{self.path}': expected none, it is no gmsh script")
+        if self.ranges and self.refine:
+            raise ValueError(f"'refine' = {self.refine}: expected none beside ranges of parameters")
+        if len(self.ranges) > MOST:
+            raise ValueError(f"'parameters': {len(self.ranges)} ranges, expected {MOST} at most")
         return self
+
+    @property
+    def ranges(self) -> dict[str, tuple[float, float]]:
+        """Parameters that are drawn for every sample."""
+        return {name: r for name, r in self.parameters.items() if isinstance(r, tuple)}
 
     def found_from(self, folder: Path, trust: bool = False) -> MeshFile:
         """Copy this mesh file with its path resolved against `folder` and its checksum filled in.
@@ -140,8 +185,8 @@ class MeshFile(Frozen):
         Raises
         ------
         InputError
-            If meshing or reading fails, or the mesh is unfit (see `datagen.mesh.raw_mesh`, and
-            `overlap_problem`).
+            If meshing or reading fails, the mesh is unfit (see `datagen.mesh.raw_mesh`, and
+            `overlap_problem`), or parameters in their ranges tangle it.
         """
         path = self._folder / self.path
         options = json.dumps({"size": self.size, "parameters": self.parameters})
@@ -159,29 +204,69 @@ class MeshFile(Frozen):
                 mesh = read_raw_mesh(result)
                 for _ in range(self.refine):
                     mesh = refined(mesh)
-                return replace(mesh, coordinates=self.scale * mesh.coordinates)
+                return scaled(mesh, self.scale)
         problem = (done.stdout.strip().splitlines() or [""])[-1]  # libraries print before
         if done.returncode != UNFIT or not problem:
             problem = f"reading it ended with {_ending(done.returncode)}"
-        raise InputError(f"key 'mesh.path' = '{self.path}': {problem}")
+        key = f"mesh.path' = '{self.path}"
+        if problem.startswith(OF_SHAPES):
+            key, problem = "mesh.parameters", problem.removeprefix(OF_SHAPES)
+        raise InputError(f"key '{key}': {problem}")
 
 
 def _ending(code: int) -> str:
     return signal.Signals(-code).name if code < 0 else f"exit code {code}"
 
 
-def main(path: Path, result: Path, size: float | None, parameters: Mapping[str, float]) -> int:
+def scaled(mesh: RawMesh, scale: float) -> RawMesh:
+    """Multiply all positions by a factor."""
+    shapes = mesh.shapes
+    if shapes is not None:
+        shapes = replace(shapes, terms=scale * shapes.terms)
+    return replace(mesh, coordinates=scale * mesh.coordinates, shapes=shapes)
+
+
+def main(path: Path, result: Path, size: float | None, parameters: Mapping[str, Any]) -> int:
     """Read a mesh and write its arrays to `result`, or print what is wrong with it."""
     try:
-        mesh = _read(path, size, parameters)
+        ranges = {n: (v[0], v[1]) for n, v in parameters.items() if isinstance(v, list)}
+        fixed = {n: v for n, v in parameters.items() if not isinstance(v, list)}
+        middle = {name: (low + high) / 2 for name, (low, high) in ranges.items()}
+        mesh = _read(path, size, {**fixed, **middle})
         problem = overlap_problem(mesh.coordinates, mesh.cells, mesh.cell_type)
         if problem is not None:
             raise ValueError(problem)
+        if ranges:
+            mesh = replace(mesh, shapes=_shapes(path, mesh, fixed, ranges))
         write_raw_mesh(result, mesh)
     except (Exception, SystemExit) as error:  # gmsh and meshio raise many types
         print(first_line(error))
         return UNFIT
     return 0
+
+
+def _shapes(
+    path: Path,
+    mesh: RawMesh,
+    fixed: Mapping[str, float],
+    ranges: Mapping[str, tuple[float, float]],
+) -> ShapeFamily:
+    """Lay a polynomial through shapes of a script; ValueError if it misses others, or tangles."""
+    low, high = np.array(list(ranges.values())).T
+    beside = -np.ones((1, len(ranges)))  # the corner that is farthest from all others
+    values = (low + high + np.concatenate([design(len(ranges)), beside]) * (high - low)) / 2
+    constants = [{**fixed, **dict(zip(ranges, row, strict=True))} for row in values.tolist()]
+    *positions, corner = positions_of_shapes(path, constants[0], constants[1:])
+    found = ShapeFamily.through(ranges, np.array([mesh.coordinates, *positions]))
+    if (tangled := found.tangled(mesh.cells, mesh.cell_type)) is not None:
+        raise ValueError(f"{OF_SHAPES}{tangled}")
+    missed = float(np.linalg.norm(found.coordinates(low) - corner, axis=1).max())
+    if missed > FARTHEST * mean_edge(mesh.coordinates, mesh.cells):
+        raise ValueError(
+            f"{OF_SHAPES}{found.said(low)}: a quadratic function of them puts a node "
+            f"{missed:.3g} beside its place, expected narrower ranges"
+        )
+    return found
 
 
 def _read(path: Path, size: float | None, parameters: Mapping[str, float]) -> RawMesh:

@@ -21,12 +21,13 @@ from datagen.mesh.groups import (
 )
 from shared_schema.common.bodies.cells import (
     CELL_TYPES,
-    NEIGHBOURS,
     cell_names,
     conformity_problem,
     node_problem,
+    scaled_jacobians,
 )
 from shared_schema.common.bodies.groups import GroupParts, RawMesh
+from shared_schema.common.bodies.shape_family import NAMES, ShapeFamily
 
 DIMENSION = {"triangle": 2, "quad": 2, "tetra": 3, "hexahedron": 3}
 SMALLEST = 1e-9  # smallest |Jacobian| at a corner, over the product of the edge lengths there
@@ -40,6 +41,9 @@ def write_raw_mesh(path: Path, mesh: RawMesh) -> None:
     groups |= {f"cells of:{name}": part.cells for name, part in mesh.parts.items()}
     if mesh.places is not None:
         groups["places"] = mesh.places
+    if mesh.shapes is not None:
+        groups |= {name: np.asarray(each) for name, each in mesh.shapes.arrays().items()}
+        groups[NAMES] = np.array(mesh.shapes.names)
     np.savez(
         path,
         coordinates=mesh.coordinates,
@@ -66,6 +70,7 @@ def read_raw_mesh(path: Path) -> RawMesh:
             file.get("places"),
             tuple(file["counted_from"].tolist()),
             parts={name: GroupParts(sides[name], inside[name]) for name in sides},
+            shapes=ShapeFamily.of_arrays(file),
         )
 
 
@@ -193,14 +198,8 @@ def _require_regular(mesh: RawMesh) -> None:
     At each corner the Jacobian is the determinant of the d edges that meet there; divided by the
     product of their lengths it is between −1 and 1. It must have one sign at all corners of a cell.
     """
-    corners = mesh.coordinates[mesh.cells]
-    jacobians = []
-    for corner, neighbours in enumerate(NEIGHBOURS[mesh.cell_type]):
-        edges = corners[:, list(neighbours)] - corners[:, [corner]]
-        lengths = np.linalg.norm(edges, axis=2).prod(axis=1)
-        jacobians.append(np.linalg.det(edges) / np.where(lengths > 0, lengths, 1.0))
-    scaled = np.stack(jacobians, axis=1)
+    scaled = scaled_jacobians(mesh.coordinates, mesh.cells, mesh.cell_type)
     wrong = np.flatnonzero(~((scaled > SMALLEST).all(axis=1) | (scaled < -SMALLEST).all(axis=1)))
     if wrong.size:
-        at = ",".join(f"{x:g}" for x in corners[wrong[0]].mean(axis=0))
+        at = ",".join(f"{x:g}" for x in mesh.coordinates[mesh.cells[wrong[0]]].mean(axis=0))
         raise ValueError(f"{cell_names(wrong)}: flat or turned over at a corner, the first at {at}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from pathlib import Path
 
 import numpy as np
@@ -101,8 +102,10 @@ def draw(dataset: DatasetBody, shown: Sequence[Sample] = ()) -> Figure:
     first = make_drawing(figure, dataset, grid[0, 0])
     _draw_marks(first, dataset)
     drawings = [
-        make_drawing(figure, dataset, grid[1 + place // COLUMNS, place % COLUMNS])
-        for place in range(len(shown))
+        make_drawing(
+            figure, _shape_of(dataset, sample), grid[1 + place // COLUMNS, place % COLUMNS]
+        )
+        for place, sample in enumerate(shown)
     ]
     for drawing, sample in zip(drawings, shown, strict=True):
         _draw_sample(drawing, dataset, sample)
@@ -134,7 +137,7 @@ def _draw_marks(drawing: Drawing, dataset: DatasetBody) -> None:
 
 def _draw_sample(drawing: Drawing, dataset: DatasetBody, sample: Sample) -> None:
     """Draw the deformed body with its forces over the undeformed mesh."""
-    x = dataset.coordinates + sample.displacement
+    x = sample.coordinates + sample.displacement
     drawing.body(x, REFERENCE, FACE, linewidth=_line(dataset))
     drawing.undeformed(REST, None, linewidth=max(0.3, 0.7 * _line(dataset)))
     said = drawing.forces(x, sample.force)
@@ -142,13 +145,20 @@ def _draw_sample(drawing: Drawing, dataset: DatasetBody, sample: Sample) -> None
     title = f"sample {sample.number}: displaced by up to {largest:.3g} {dataset.units.length}"
     if not said:
         loads = int(sample.force.any(axis=1).sum())
-        resultant, moment = resultant_of(sample.force, dataset.coordinates)
+        resultant, moment = resultant_of(sample.force, sample.coordinates)
         units = dataset.units
         title += (
             f"\n{loads} forces, resultant {resultant:.4g} {units.force}, "
             f"moment {moment:.4g} {units.force} {units.length}"
         )
     drawing.axes.set_title(title, fontsize=10)
+
+
+def _shape_of(dataset: DatasetBody, sample: Sample) -> DatasetBody:
+    """The body in the shape of a sample."""
+    body = copy(dataset)
+    body.coordinates = sample.coordinates
+    return body
 
 
 def resultant_of(force: Array, coordinates: Array) -> tuple[float, float]:

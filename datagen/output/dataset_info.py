@@ -9,6 +9,7 @@ import numpy as np
 
 from datagen.discretisation.element import element_kind
 from shared_schema.common.arguments import checked_arguments
+from shared_schema.common.bodies.shape_family import NAMES, RANGES
 from shared_schema.common.machine import megabytes
 from shared_schema.common.units import Units
 from shared_schema.dataset_reader import DatasetReader, unstable_samples
@@ -66,6 +67,10 @@ def _common(manifest: Manifest, body: Arrays) -> list[Row]:
         ("shards", str(len(manifest.shards))),
         ("seed", str(manifest.seed)),
         ("mesh", f"{nodes} nodes, {len(body['mesh/cells'])} cells, {nodes * dimension} DOFs"),
+        *(
+            (f"parameter {name}", f"{low:g} to {high:g}")
+            for name, (low, high) in zip(body.get(NAMES, ()), body.get(RANGES, ()), strict=True)
+        ),
         (
             "clamped / loadable nodes",
             f"{body['mesh/clamped'].sum()} / {body['mesh/loadable'].sum()}",

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.common.bodies.nodal_forces import scatter_forces
+from shared_schema.common.bodies.shape_family import TERMS
 from shared_schema.common.errors import InputError
 from shared_schema.common.units import Units
 from shared_schema.dataset_reader import DatasetReader
@@ -36,6 +37,8 @@ class DatasetBody:
     cells : array of int, (n_cells, n_corners)
     cell_type : str
         meshio's name.
+    has_shapes : bool
+        True if every sample has a shape of its own.
     clamped, loadable : array of bool, (n_nodes,)
     fibres : array, (n_cells, families, d), or None
         Directions of fibres, if a material has some.
@@ -49,7 +52,7 @@ class DatasetBody:
         self.clamped: NDArray[np.bool_] = arrays["mesh/clamped"]
         self.loadable: NDArray[np.bool_] = arrays["mesh/loadable"]
         self.fibres: NDArray[np.float64] | None = arrays.get("mesh/fibres")
-        self.cell_type = reader.cell_type
+        self.cell_type, self.has_shapes = reader.cell_type, TERMS in arrays
 
 
 @dataclass(frozen=True)
@@ -65,12 +68,15 @@ class Sample:
         In m.
     pressures : array, (n_surfaces,)
         Pressure on each surface in Pa.
+    coordinates : array, (n_nodes, d)
+        Of the undeformed body, in m.
     """
 
     number: int
     force: NDArray[np.float64]
     displacement: NDArray[np.float64]
     pressures: NDArray[np.float64]
+    coordinates: NDArray[np.float64]
 
 
 class NodalSamples(DatasetBody):
@@ -137,7 +143,9 @@ class NodalSamples(DatasetBody):
         pressures = np.zeros(0)
         if self.surfaces:
             pressures = self._arrays["samples/pressure"][row]
-        return Sample(number, force, self._arrays["samples/displacement"][row], pressures)
+        shapes = self._arrays.get("samples/coordinates")
+        x = self.coordinates if shapes is None else shapes[row]
+        return Sample(number, force, self._arrays["samples/displacement"][row], pressures, x)
 
     def named(self, text: str) -> list[int]:
         """Parse ``--samples N,N,…``, the numbers of solved samples; keep their order.

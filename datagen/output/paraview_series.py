@@ -83,6 +83,8 @@ def export(
     data = path.with_suffix(".h5" if path.suffix == ".xdmf" else "")
     _require_replaceable(path, data)
     dataset = NodalSamples(folder)
+    if dataset.has_shapes:
+        raise InputError(f"{folder}: every sample has its own shape, expected a dataset of one")
     if samples is None:
         numbers = [int(number) for number in dataset.numbers[:FIRST]]
     else:

@@ -27,6 +27,7 @@ from datagen.transforms.written_dataset import (
 from shared_schema.checker import require_intact
 from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.bodies.nodal_forces import scatter_forces
+from shared_schema.common.bodies.shape_family import TERMS
 from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError
 from shared_schema.common.progress import Progress
@@ -50,7 +51,7 @@ from shared_schema.shard import write_shard
 from shared_schema.stiffness import Stiffness, read_stiffness, write_stiffness
 
 IMPORT = "import"  # name of a step of before, which made a dataset of PLAID files with its split
-KEPT = ("samples/stable", "samples/force_between")
+KEPT = ("samples/stable", "samples/force_between", "samples/parameters")
 SPLIT_STREAM = 1  # keeps the split's random numbers apart from those of the loads
 
 
@@ -154,7 +155,7 @@ def _make(
     progress.close()
     if manifest.stiffness is not None:
         stiffness = read_stiffness(reader.folder)
-    elif element_kind(element, cell_type).corners_only:
+    elif element_kind(element, cell_type).corners_only and TERMS not in reader.body:
         # written by a version whose `datagen run` did not assemble it
         from datagen.output.undeformed_stiffness import stiffness_of  # of dolfinx
 

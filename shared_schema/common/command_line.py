@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import io
 import logging
+import math
 import os
 import re
 import sys
@@ -271,6 +272,37 @@ def add_held(parser: argparse.ArgumentParser) -> None:
         metavar="X,Y[,Z]|GROUP:UX,UY[,UZ]",
         help="displacement in m of the node at X,Y[,Z] or of a group, - for a free component; "
         "repeatable",
+    )
+
+
+class _Named(argparse.Action):
+    """Collect NAME=VALUE, each name once, in a mapping."""
+
+    def __call__(
+        self, parser: Parser, options: argparse.Namespace, text: Any, option: str | None = None
+    ) -> None:
+        """Add one."""
+        name, _, value = text.partition("=")
+        found: dict[str, float] = dict(getattr(options, self.dest))
+        try:
+            number = float(value)
+        except ValueError:
+            number = math.nan
+        if not name or name in found or not math.isfinite(number):
+            parser.error(f"argument {option}: '{text}': expected NAME=VALUE, each name once")
+        setattr(options, self.dest, {**found, name: number})
+
+
+def add_parameter(parser: argparse.ArgumentParser) -> None:
+    """Add ``--parameter``."""
+    parser.add_argument(
+        "--parameter",
+        dest="parameters",
+        action=_Named,
+        default={},
+        metavar="NAME=VALUE",
+        help="parameter of the body's shape, of a mesh with ranges of some (default: the middle of "
+        "the range); repeatable",
     )
 
 

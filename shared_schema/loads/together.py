@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -87,6 +87,11 @@ class LoadsTogether:
         return cls(tuple(DrawnLoads(f, _seed(seed, i), n) for i, (f, n) in pairs), held)
 
     @property
+    def seed(self) -> int:
+        """Seed of the dataset."""
+        return self.parts[0].seed
+
+    @property
     def loadable(self) -> LoadableNodes:
         """Nodes of the first family."""
         return self.parts[0].loadable
@@ -124,6 +129,14 @@ class LoadsTogether:
     def most(self) -> int:
         """Largest number of loaded nodes of a sample; InputError if a family says none."""
         return min(sum(part.most for part in self.parts), len(self.held))
+
+    def on(self, coordinates: Array) -> LoadsTogether:
+        """The same loads on a body of another shape, by its node positions, (n_nodes, d) in m."""
+        moved = [
+            replace(part, loadable=replace(part.loadable, coordinates=coordinates))
+            for part in self.parts
+        ]
+        return replace(self, parts=tuple(moved))
 
     def check(self) -> None:
         """Raise InputError unless every family fits the mesh, and no two drive the same nodes."""

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from shared_schema.common.bodies.shape_family import ShapeFamily
 from shared_schema.layout import NO_NODE, Arrays
 from shared_schema.loads import Load, LoadsTogether, Recorded
 from shared_schema.tools import Contact
@@ -91,7 +92,15 @@ class Result:
     wall_time: float
 
 
-def result_arrays(loads: LoadsTogether, results: Sequence[Result]) -> dict[str, Any]:
+def not_begun(number: int, load: Load, reason: str) -> Result:
+    """Record a load case of a body that cannot be solved."""
+    report = SolveReport(False, 0, reason, 0.0, 0, 0, 0, 0.0)
+    return Result(number, load, None, None, np.empty(0), report, 0.0)
+
+
+def result_arrays(
+    loads: LoadsTogether, results: Sequence[Result], shapes: ShapeFamily | None = None
+) -> dict[str, Any]:
     """Results as arrays, by their paths in the schema of a nodal shard, without those of the mesh.
 
     Parameters
@@ -99,12 +108,16 @@ def result_arrays(loads: LoadsTogether, results: Sequence[Result]) -> dict[str, 
     loads : LoadsTogether
         The load cases of the dataset.
     results : sequence of Result
+    shapes : ShapeFamily, optional
+        Shapes of which every sample has its own.
     """
     nodes, dimension = loads.held.shape
     every = sorted(results, key=lambda result: result.number)
     solved = [result for result in every if result.report.solved]
     failed = [result for result in every if not result.report.solved]
-    of_solved, of_failed = ([_recorded(loads, r) for r in some] for some in (solved, failed))
+    of_solved, of_failed = (
+        [_recorded(loads, r, shapes) for r in some] for some in (solved, failed)
+    )
     loaded_nodes, force = _pad(of_solved, loads.most, dimension)
     failed_nodes, failed_force = _pad(of_failed, loads.most, dimension)
     displacement = np.array([s.displacement for s in solved], dtype=np.float64)
@@ -127,14 +140,17 @@ def result_arrays(loads: LoadsTogether, results: Sequence[Result]) -> dict[str, 
         **_between(loads, "failed", of_failed),
         **_pressures(loads, solved, failed),
         **_poses(loads, solved),
+        **({} if shapes is None else _shapes(loads, solved, failed, shapes)),
     }
 
 
-def _recorded(loads: LoadsTogether, result: Result) -> Recorded:
+def _recorded(loads: LoadsTogether, result: Result, shapes: ShapeFamily | None) -> Recorded:
     """Forces that stand for the load of a sample."""
     load = result.load
     if result.grip is None:
         return load.nodes, load.forces, load.between
+    if shapes is not None:
+        loads = loads.on(shapes.coordinates(shapes.drawn(loads.seed, result.number)))
     pushes = 0.0 if result.contact is None else result.contact.force
     return loads.recorded(load, result.grip, pushes)
 
@@ -174,6 +190,23 @@ def _pressures(
         f"{group}/pressure": np.array([r.load.pressures for r in some]).reshape(-1, count)
         for group, some in (("samples", solved), ("failed", failed))
         if count
+    }
+
+
+def _shapes(
+    loads: LoadsTogether, solved: Sequence[Result], failed: Sequence[Result], shapes: ShapeFamily
+) -> dict[str, Any]:
+    """Parameters of the load cases, and node positions of the samples."""
+    count = len(shapes.names)
+    of_solved, of_failed = (
+        np.array([shapes.drawn(loads.seed, r.number) for r in some]).reshape(-1, count)
+        for some in (solved, failed)
+    )
+    positions = np.array([shapes.coordinates(values) for values in of_solved])
+    return {
+        "samples/parameters": of_solved,
+        "samples/coordinates": positions.reshape(-1, *loads.held.shape),
+        "failed/parameters": of_failed,
     }
 
 

@@ -126,7 +126,9 @@ def all_end(out: Path, within: float) -> bool:
 
 def assert_same(one: Path, other: Path) -> None:
     """Assert that stiffness and shards are equal to the last bit, except times."""
-    assert (one / STIFFNESS_FILE).read_bytes() == (other / STIFFNESS_FILE).read_bytes()
+    files = one / STIFFNESS_FILE, other / STIFFNESS_FILE  # none of a family of shapes
+    first, second = (path.read_bytes() if path.exists() else None for path in files)
+    assert first == second
     shards = [entry.file for entry in read_manifest(one).shards]
     assert shards == [entry.file for entry in read_manifest(other).shards]
     for name in shards:
@@ -139,7 +141,9 @@ def assert_same(one: Path, other: Path) -> None:
 def assert_near(one: Path, other: Path) -> None:
     """Assert equal mesh, stiffness, sample numbers, loads, and displacements equal to 1e-10 m."""
     assert check_dataset(other) == []
-    assert (one / STIFFNESS_FILE).read_bytes() == (other / STIFFNESS_FILE).read_bytes()
+    files = one / STIFFNESS_FILE, other / STIFFNESS_FILE  # none of a family of shapes
+    first, second = (path.read_bytes() if path.exists() else None for path in files)
+    assert first == second
     for path in sorted(one.glob("shard-*.h5")):
         a, b = read_shard(path, "nodal"), read_shard(other / path.name, "nodal")
         for name in ("mesh/coordinates", "mesh/cells", "samples/loaded_nodes", "samples/force"):

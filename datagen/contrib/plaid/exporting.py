@@ -18,6 +18,7 @@ import numpy as np
 
 from datagen.transforms.reindexing import nodal_forces_of, split_of
 from shared_schema.common.arguments import checked_arguments
+from shared_schema.common.bodies.shape_family import TERMS
 from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError, WorkError
 from shared_schema.dataset_reader import DatasetReader
@@ -31,7 +32,7 @@ ELEMENTS = {  # meshio's names and CGNS's, with the same order of corners
     "tetra": "TETRA_4",
     "hexahedron": "HEXA_8",
 }
-NOT_CARRIED = ("mesh/held", "mesh/material", "mesh/fibres", "mesh/pressed")
+NOT_CARRIED = ("mesh/held", "mesh/material", "mesh/fibres", "mesh/pressed", TERMS)
 Backend = Literal["hf_datasets", "cgns", "zarr"]
 CASE = "Case: "  # before the case as JSON, in the last line of the description
 
@@ -143,8 +144,8 @@ def export_plaid(
     left_out = [name for name in NOT_CARRIED if name in reader.body]
     if left_out:
         raise InputError(
-            f"{folder}: has '{left_out[0]}', expected a dataset of one material, clamped nodes and "
-            "dead loads"
+            f"{folder}: has '{left_out[0]}', expected a dataset of one material and one shape, "
+            "clamped nodes and dead loads"
         )
     if manifest.samples < 2:
         raise InputError(f"{folder}: {manifest.samples} samples, expected 2 at least")

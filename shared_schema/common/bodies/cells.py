@@ -90,6 +90,21 @@ def is_turned(
     return np.asarray(np.linalg.det(neighbours - coordinates[cells[:, [0]]]) < 0)
 
 
+def scaled_jacobians(
+    coordinates: NDArray[np.float64], cells: NDArray[np.int64], cell_type: str
+) -> NDArray[np.float64]:
+    """Determinants of the d edges that meet at each corner, over their lengths: −1 to 1.
+
+    The result is (n_cells, n_corners); it is 0 where an edge has no length.
+    """
+    corners, found = coordinates[cells], []
+    for corner, neighbours in enumerate(NEIGHBOURS[cell_type]):
+        edges = corners[:, list(neighbours)] - corners[:, [corner]]
+        lengths = np.linalg.norm(edges, axis=2).prod(axis=1)
+        found.append(np.linalg.det(edges) / np.where(lengths > 0, lengths, 1.0))
+    return np.stack(found, axis=1)
+
+
 def _of_one_cell(facets: NDArray[np.int64]) -> NDArray[np.int64]:
     """Facets that occur once, whatever the order of their corners."""
     _, first, count = np.unique(

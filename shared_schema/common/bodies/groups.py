@@ -9,13 +9,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.common.arguments import hold_read_only
 from shared_schema.common.bodies.cells import boundary_facets
+
+if TYPE_CHECKING:
+    from shared_schema.common.bodies.shape_family import ShapeFamily
 
 Arrays = dict[str, NDArray[Any]]
 Ints = NDArray[np.int64]
@@ -185,6 +188,8 @@ class RawMesh:
         lies in; repeated ones fill a row (`datagen.mesh.refinement`).
     parts : mapping of str to GroupParts
         Facets and cells of the groups whose nodes do not tell them (`datagen.mesh.groups`).
+    shapes : ShapeFamily, optional
+        Where the nodes are in other shapes of the body; this mesh is that of the reference.
     """
 
     coordinates: NDArray[np.float64]
@@ -196,6 +201,7 @@ class RawMesh:
     counted_from: tuple[int, ...] = (0, 1)
     origins: NDArray[np.int64] | None = None
     parts: Mapping[str, GroupParts] = field(default_factory=dict)
+    shapes: ShapeFamily | None = None
 
     @property
     def node_sets(self) -> dict[str, NDArray[np.bool_]]:
