@@ -79,8 +79,8 @@ class MeshFile(Frozen):
         Kind of the geometry.
     path : str
         Path relative to the case file. gmsh meshes ``.geo``, CAD files (``.step``, ``.iges``,
-        ``.brep``) and the inside of closed surfaces (``.stl``), and reads ``.msh``; meshio reads
-        all other files but Abaqus' ``.inp``. Endings may be in capitals.
+        ``.brep``) and the inside of closed surfaces (``.stl``, ``.obj``, ``.ply``), and reads
+        ``.msh``; meshio reads all other files but Abaqus' ``.inp``. Endings may be in capitals.
     size : float, optional
         Size of the cells in m before `scale`, of a CAD file or a surface only. Without it the
         triangles of a surface stay.

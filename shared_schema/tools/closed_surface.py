@@ -54,6 +54,51 @@ ROUNDED = 0.01  # of the largest extent
 FLAT = 1e-12  # of the largest extent: height of a triangle that is none, distance without direction
 PAIRS = 2_000_000  # positions and triangles that are looked at together
 CORNERS = ((0, 1), (1, 2), (2, 0))  # of the edges of a triangle
+CUTS = {"triangle": ([0, 1, 2],), "quad": ([0, 1, 2], [0, 2, 3])}  # into triangles
+
+
+def read_triangles(path: Path, scale: float = 1.0) -> tuple[Array, Numbers]:
+    """Read the triangles of a file such as STL, OBJ or PLY; quadrilaterals are cut in two.
+
+    Parameters
+    ----------
+    path : Path
+    scale : float
+        Length in m of a unit of the file.
+
+    Returns
+    -------
+    corners : array, (n_corners, 3)
+        In m, equal ones joined.
+    triangles : array of int, (n_triangles, 3)
+        Without flat ones.
+
+    Raises
+    ------
+    ValueError
+        If meshio reads no triangles from it, or a coordinate is not fit for use.
+    """
+    try:
+        mesh = read_by_meshio(path)
+    except ValueError as error:
+        raise ValueError(f"no surface that meshio reads ({error})") from None
+    found = [np.empty((0, 3), np.int64)]
+    for block in mesh.cells:
+        for cut in CUTS.get(block.type, ()):
+            found.append(np.asarray(block.data, np.int64)[:, cut])
+    triangles = np.concatenate(found)
+    if not len(triangles):
+        raise ValueError("expected triangles, found none")
+    points = np.asarray(mesh.points, np.float64) * scale
+    if points.shape[1] != 3 or not np.isfinite(points).all() or np.abs(points).max() > MOST:
+        raise ValueError(f"expected points of 3 finite coordinates, at most {MOST:g} m")
+    corners, numbers = np.unique(points, axis=0, return_inverse=True)
+    triangles = numbers.ravel()[triangles]
+    sides = corners[triangles[:, [1, 2, 0]]] - corners[triangles]
+    heights = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+    length = np.linalg.norm(sides, axis=2).max(axis=1, initial=0.0)
+    extent = float(np.ptp(corners, axis=0).max(initial=0.0))
+    return corners, triangles[heights > FLAT * extent * length]
 
 
 class Mesh(Tool):
@@ -228,25 +273,9 @@ class Surface:
     def read(cls, path: Path, scale: float) -> Surface:
         """Read a file; InputError if it holds no closed surface of triangles."""
         try:
-            mesh = read_by_meshio(path)
-        except ValueError as error:
-            raise InputError(f"{path}: no surface that meshio reads ({error})") from None
-        triangles = mesh.cells_dict.get("triangle", np.empty((0, 3), np.int64))
-        if not len(triangles):
-            raise InputError(f"{path}: expected triangles, found none")
-        points = np.asarray(mesh.points, np.float64) * scale
-        if points.shape[1] != 3 or not np.isfinite(points).all() or np.abs(points).max() > MOST:
-            raise InputError(f"{path}: expected points of 3 finite coordinates, at most {MOST:g} m")
-        corners, numbers = np.unique(points, axis=0, return_inverse=True)
-        triangles = numbers.ravel()[triangles.astype(np.int64)]
-        sides = corners[triangles[:, [1, 2, 0]]] - corners[triangles]
-        heights = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
-        length = np.linalg.norm(sides, axis=2).max(axis=1, initial=0.0)
-        extent = float(np.ptp(corners, axis=0).max(initial=0.0))
-        triangles = triangles[heights > FLAT * extent * length]
-        try:
+            corners, triangles = read_triangles(path, scale)
             return cls(corners, triangles)
-        except InputError as error:
+        except (ValueError, InputError) as error:
             raise InputError(f"{path}: {error}") from None
 
     def nearest(self, x: Array) -> Nearest:

@@ -5,7 +5,7 @@
 `msh2_file`       gmsh meshes of format 2
 `abaqus_file`     Abaqus input, with its parts and instances
 `cad_file`        STEP, IGES and BREP
-`surface_file`    the inside of closed surfaces (STL)
+`surface_file`    the inside of closed surfaces (STL, OBJ, PLY)
 `meshio_file`     all other formats
 ================  ===============================================================
 """

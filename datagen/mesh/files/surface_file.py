@@ -1,4 +1,4 @@
-r"""Tetrahedra inside a closed surface of triangles (STL), as a segmentation or a scanner gives it.
+r"""Tetrahedra inside a closed surface of triangles (STL, OBJ, PLY), as from a scanner.
 
 gmsh keeps the triangles of the file, or lays others of a given size on the surface. Each body is
 meshed alone, around its rooms.
@@ -27,13 +27,14 @@ from datagen.mesh.overlap import near_pairs
 from datagen.mesh.raw_mesh import raw_mesh
 from shared_schema.common.bodies.cells import boundary_facets, parts_of
 from shared_schema.common.bodies.groups import RawMesh
+from shared_schema.tools.closed_surface import read_triangles
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 EDGES = [[0, 1], [1, 2], [2, 0]]  # corners of the edges of a triangle
 TOUCHING = 1e-9  # part of a length by which what only touches may cut
 RAY = np.array([0.4823, 0.6271, 0.6114])  # a direction that no edge has by design
-SUFFIX = ".stl"
+SUFFIXES = (".stl", ".obj", ".ply")
 TRIANGLE, TETRAHEDRON = 2, 4  # gmsh's numbers of the types
 EXACT = 1e-6  # relative difference of the volumes inside of the triangles and of the cells
 
@@ -179,7 +180,7 @@ def _at(position: Array) -> str:
 
 def is_surface(path: Path | str) -> bool:
     """True if a file name ends as that of a surface."""
-    return Path(path).suffix.lower() == SUFFIX
+    return Path(path).suffix.lower() in SUFFIXES
 
 
 def mesh_inside(path: Path, size: float | None) -> RawMesh:
@@ -197,8 +198,8 @@ def mesh_inside(path: Path, size: float | None) -> RawMesh:
         If the surface is not closed or cuts itself (`bodies_of`), gmsh fails or fills something
         else, or the mesh is unfit.
     """
+    points, triangles = read_triangles(path)
     with gmsh_session() as gmsh:
-        points, triangles = _read(gmsh, path)
         if size is not None:
             gmsh.option.setNumber("Mesh.MeshSizeMax", size)
         positions, blocks, start = [], [], 0
@@ -208,18 +209,6 @@ def mesh_inside(path: Path, size: float | None) -> RawMesh:
             blocks.append(("tetra", start + cells))
             start += len(at)
     return raw_mesh(np.concatenate(positions), blocks)
-
-
-def _read(gmsh: Any, path: Path) -> tuple[Array, Ints]:
-    """Corners and triangles of a file, equal corners joined by gmsh."""
-    try:
-        gmsh.merge(str(path))
-    except Exception as error:  # gmsh raises nothing more special
-        raise ValueError(f"gmsh reads no triangles from it ({error})") from None
-    tags, points, _ = gmsh.model.mesh.getNodes()
-    order = np.argsort(tags)
-    triangles = gmsh.model.mesh.getElementsByType(TRIANGLE)[1].reshape(-1, 3)
-    return points.reshape(-1, 3)[order], np.searchsorted(tags[order], triangles)
 
 
 def _filled(

@@ -1,9 +1,10 @@
-"""Surfaces of triangles (STL), which gmsh fills with tetrahedra."""
+"""Surfaces of triangles (STL, OBJ, PLY), which gmsh fills with tetrahedra."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
 
@@ -62,6 +63,26 @@ def test_others_of_a_given_size(breast: RawMesh, surface: np.ndarray, tmp_path: 
         assert volume(mesh) == pytest.approx(volume(breast), rel=2 * size)  # edges are cut
         counts.append(len(mesh.cells))
     assert counts[1] > 3 * counts[0]
+
+
+@pytest.mark.parametrize("name", ["own.stl", "own.obj", "own.PLY"])
+def test_formats(name: str, tmp_path: Path) -> None:
+    """A cube of 1 m³, also of quadrilaterals where the format has them."""
+    quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    for cells in ([("triangle", FACES)], [("quad", np.array(quads))])[: 1 + (".PLY" in name)]:
+        meshio.Mesh(CUBE, cells).write(tmp_path / name.lower())
+        (tmp_path / name.lower()).rename(tmp_path / name)
+        mesh = MeshFile(kind="file", path=name).found_from(tmp_path).raw_mesh()
+        assert (mesh.cell_type, len(boundary_nodes(mesh))) == ("tetra", 8)
+        assert volume(mesh) == pytest.approx(1, rel=1e-12)
+    text = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n"
+    (tmp_path / "open.obj").write_text(text)
+    with pytest.raises(InputError, match="the surface is not closed: 4 of its 5 edges"):
+        MeshFile(kind="file", path="open.obj").found_from(tmp_path).raw_mesh()
+
+
+def boundary_nodes(mesh: RawMesh) -> np.ndarray:
+    return np.unique(outward_facets(mesh.coordinates, mesh.cells, mesh.cell_type))
 
 
 def test_a_surface_with_a_hole(surface: np.ndarray, tmp_path: Path) -> None:
