@@ -199,10 +199,11 @@ $(BUNDLE): $(WEB)/node_modules/.package-lock.json $(WEB)/bundle.mjs $(shell find
 
 # Debian's dolfinx, NumPy and h5py are built for Debian's own interpreter; pip must not replace them.
 .venv-datagen/.installed: shared_schema/pyproject.toml datagen/pyproject.toml \
-		datagen/requirements.txt | debian-packages
+		datagen/requirements.txt datagen/requirements-alone.txt | debian-packages
 	rm -rf .venv-datagen
 	$(DEBIAN_PYTHON) -m venv --system-site-packages .venv-datagen
 	.venv-datagen/bin/pip install -q -r datagen/requirements.txt
+	.venv-datagen/bin/pip install -q --no-deps -r datagen/requirements-alone.txt
 	.venv-datagen/bin/pip install -q --no-deps -e shared_schema -e datagen
 	touch $@
 

@@ -12,6 +12,7 @@ DOLFINX = (
     "expected `make setup` on Debian, the package fenics-dolfinx of conda-forge, or the container; "
     "`surrogate sample` and `surrogate predict --correct` find equilibria without it"
 )
+IMAGES = "expected: pip install 'solid-datagen[images]'"
 GMSH = "expected: pip install 'solid-datagen[mesh]', and on Linux the libraries libGLU and libXft"
 
 

@@ -6,7 +6,6 @@ crash, exit or ask a question) without ending this one.
 
 from __future__ import annotations
 
-import json
 import signal
 import subprocess
 import sys
@@ -36,11 +35,12 @@ from datagen.mesh.files.gmsh_file import (
     mesh_by_gmsh,
     require_harmless,
 )
+from datagen.mesh.files.image_file import is_image, mesh_of_image
 from datagen.mesh.files.meshio_file import mesh_by_meshio
 from datagen.mesh.files.script_shapes import OF_SHAPES, positions_of_shapes
-from datagen.mesh.files.surface_file import is_surface, mesh_inside
+from datagen.mesh.files.surface_file import filled, is_surface
 from datagen.mesh.overlap import overlap_problem
-from datagen.mesh.raw_mesh import read_raw_mesh, write_raw_mesh
+from datagen.mesh.raw_mesh import raw_mesh, read_raw_mesh, write_raw_mesh
 from datagen.mesh.refinement import refined
 from shared_schema.common.bodies.equilibrium import mean_edge
 from shared_schema.common.bodies.groups import RawMesh
@@ -50,6 +50,7 @@ from shared_schema.common.errors import InputError, first_line
 from shared_schema.common.files import sha256
 from shared_schema.common.units import Size
 from shared_schema.loads.family import ascending
+from shared_schema.tools.closed_surface import read_triangles
 
 Parameter = Annotated[float, Field(ge=-1e12, le=1e12)]
 Range = Annotated[tuple[Parameter, Parameter], AfterValidator(ascending)]
@@ -66,6 +67,7 @@ Parameters = dict[
         Discriminator(_form),
     ],
 ]
+Label = Annotated[int, Field(ge=-(2**31), lt=2**32)]
 FARTHEST = 0.05  # of a node of a shape from where the script puts it, over the mean edge
 UNFIT = 3  # exit code of the process that reads a mesh, if it says what is wrong
 
@@ -79,11 +81,12 @@ class MeshFile(Frozen):
         Kind of the geometry.
     path : str
         Path relative to the case file. gmsh meshes ``.geo``, CAD files (``.step``, ``.iges``,
-        ``.brep``) and the inside of closed surfaces (``.stl``, ``.obj``, ``.ply``), and reads
-        ``.msh``; meshio reads all other files but Abaqus' ``.inp``. Endings may be in capitals.
+        ``.brep``), the inside of closed surfaces (``.stl``, ``.obj``, ``.ply``) and the labels of
+        images (``.nii``, ``.nii.gz``, ``.nrrd``, ``.mha``), and reads ``.msh``; meshio reads all
+        other files but Abaqus' ``.inp``. Endings may be in capitals.
     size : float, optional
-        Size of the cells in m before `scale`, of a CAD file or a surface only. Without it the
-        triangles of a surface stay.
+        Size of the cells before `scale`: that of a CAD file in m, of a surface in its unit, of an
+        image in mm. Without it the triangles of a surface stay.
     sha256 : str, optional
         Checksum of the file. It is filled in when a case is read, so that a dataset belongs to one
         mesh.
@@ -97,6 +100,11 @@ class MeshFile(Frozen):
         Values of constants that a gmsh script defines by ``DefineConstant``, of such a script only:
         each set of values is another shape of one family. Those of ranges [low, high] are drawn for
         every sample, and move the nodes of one mesh (`shared_schema.common.bodies.shape_family`).
+    labels : mapping of str to int
+        Labels of an image by the names of their groups of cells; all others are outside of the
+        body. By default all but 0, under their numbers.
+    smoothing : float
+        Standard deviation in voxels of the Gaussian that blurs the labels of an image.
     """
 
     kind: Literal["file"]
@@ -106,6 +114,8 @@ class MeshFile(Frozen):
     scale: float = Field(1.0, ge=1e-12, le=1e12, exclude_if=lambda scale: scale == 1.0)
     refine: int = Field(0, ge=0, le=6, exclude_if=lambda refine: refine == 0)
     parameters: Parameters = Field({}, exclude_if=lambda parameters: not parameters)
+    labels: dict[str, Label] = Field({}, exclude_if=lambda labels: not labels)
+    smoothing: float = Field(1.0, ge=0, le=10, exclude_if=lambda smoothing: smoothing == 1.0)
     _folder: Path = PrivateAttr(default=Path())
 
     @field_validator("parameters", mode="before")
@@ -116,20 +126,23 @@ class MeshFile(Frozen):
         return {name: tuple(v) if isinstance(v, list) else v for name, v in value.items()}
 
     @model_validator(mode="after")
-    def _has_size_of_cad(self) -> MeshFile:
-        given = self.size is not None
-        if is_cad(self.path) and not given:
-            raise ValueError(f"'size' of '{self.path}': expected that of the cells in m")
-        if given and not is_cad(self.path) and not is_surface(self.path):
-            raise ValueError(
-                f"'size' of '{self.path}': expected none, it is no CAD file and no surface"
-            )
+    def _has_keys_of_its_format(self) -> MeshFile:
+        path, is_filled = self.path, is_surface(self.path) or is_image(self.path)
+        for key, fits, kind in (
+            ("size", is_filled or is_cad(path), "CAD file, no surface and no image"),
+            ("parameters", is_script(path), "gmsh script"),
+            ("labels", is_image(path), "image"),
+            ("smoothing", is_image(path), "image"),
+        ):
+            if not fits and getattr(self, key) != type(self).model_fields[key].default:
+                raise ValueError(f"'{key}' of '{path}': expected none, it is no {kind}")
+        if self.size is None and (is_cad(path) or is_image(path)):
+            unit = "m" if is_cad(path) else "mm"
+            raise ValueError(f"'size' of '{path}': expected that of the cells in {unit}")
         return self
 
     @model_validator(mode="after")
-    def _has_parameters_of_a_script(self) -> MeshFile:
-        if self.parameters and not is_script(self.path):
-            raise ValueError(f"'parameters' of '{self.path}': expected none, it is no gmsh script")
+    def _has_few_ranges(self) -> MeshFile:
         if self.ranges and self.refine:
             raise ValueError(f"'refine' = {self.refine}: expected none beside ranges of parameters")
         if len(self.ranges) > MOST:
@@ -189,7 +202,7 @@ class MeshFile(Frozen):
             `overlap_problem`), or parameters in their ranges tangle it.
         """
         path = self._folder / self.path
-        options = json.dumps({"size": self.size, "parameters": self.parameters})
+        options = self.model_dump_json()
         with TemporaryDirectory() as folder:
             result = Path(folder) / "mesh.npz"
             done = subprocess.run(
@@ -226,13 +239,13 @@ def scaled(mesh: RawMesh, scale: float) -> RawMesh:
     return replace(mesh, coordinates=scale * mesh.coordinates, shapes=shapes)
 
 
-def main(path: Path, result: Path, size: float | None, parameters: Mapping[str, Any]) -> int:
+def main(path: Path, result: Path, wanted: MeshFile) -> int:
     """Read a mesh and write its arrays to `result`, or print what is wrong with it."""
     try:
-        ranges = {n: (v[0], v[1]) for n, v in parameters.items() if isinstance(v, list)}
-        fixed = {n: v for n, v in parameters.items() if not isinstance(v, list)}
+        ranges = wanted.ranges
+        fixed = {n: v for n, v in wanted.parameters.items() if not isinstance(v, tuple)}
         middle = {name: (low + high) / 2 for name, (low, high) in ranges.items()}
-        mesh = _read(path, size, {**fixed, **middle})
+        mesh = _read(path, wanted, {**fixed, **middle})
         problem = overlap_problem(mesh.coordinates, mesh.cells, mesh.cell_type)
         if problem is not None:
             raise ValueError(problem)
@@ -269,16 +282,19 @@ def _shapes(
     return found
 
 
-def _read(path: Path, size: float | None, parameters: Mapping[str, float]) -> RawMesh:
+def _read(path: Path, wanted: MeshFile, parameters: Mapping[str, float]) -> RawMesh:
     """Read a file by what reads files of its name."""
     if is_surface(path):
-        return mesh_inside(path, size)
-    if size is not None:
-        return mesh_of_cad(path, size)
+        at, cells = filled(*read_triangles(path), wanted.size)
+        return raw_mesh(at, [("tetra", cells)])
+    if wanted.size is not None:
+        if is_image(path):
+            return mesh_of_image(path, wanted.size, wanted.labels, wanted.smoothing)
+        return mesh_of_cad(path, wanted.size)
     if is_of_gmsh(path):
         return mesh_by_gmsh(path, parameters)
     return mesh_of_abaqus(path) if is_of_abaqus(path) else mesh_by_meshio(path)
 
 
 if __name__ == "__main__":
-    sys.exit(main(Path(sys.argv[1]), Path(sys.argv[2]), **json.loads(sys.argv[3])))
+    sys.exit(main(Path(sys.argv[1]), Path(sys.argv[2]), MeshFile.model_validate_json(sys.argv[3])))

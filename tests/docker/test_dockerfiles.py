@@ -39,10 +39,13 @@ def requirements() -> dict[str, list[Requirement]]:
     for extra in EXTRAS:
         lines += surrogate["optional-dependencies"][extra]
     ours = {"solid-schema", "torch"}  # the one from its folder, the other by TORCH
-    text = (ROOT / "datagen" / "requirements.txt").read_text()
+    texts = [
+        (ROOT / "datagen" / name).read_text()
+        for name in ("requirements.txt", "requirements-alone.txt")
+    ]
     found = {
         "surrogate": [r for r in map(Requirement, lines) if plain(r.name) not in ours],
-        "datagen": [Requirement(x) for x in text.splitlines() if not x.startswith("#")],
+        "datagen": [Requirement(x) for x in "".join(texts).splitlines() if x[0] != "#"],
     }
     found["datagen"] = [r for r in found["datagen"] if r.name not in TESTED_WITH]
     return found

@@ -22,7 +22,7 @@ from tools.wheels import build
 ROOT = Path(__file__).parents[2]
 PARTS = {"shared_schema": "schema", "datagen": "datagen", "surrogate": "surrogate"}
 WEB, BUNDLE = "surrogate/page/web/", "surrogate/page/bundle/"
-NOT_PACKED = ("pyproject.toml", "README.md", "requirements.txt")
+NOT_PACKED = ("pyproject.toml", "README.md", "requirements.txt", "requirements-alone.txt")
 
 
 def sources(part: str) -> set[str]:

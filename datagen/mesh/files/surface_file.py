@@ -24,10 +24,7 @@ from numpy.typing import NDArray
 
 from datagen.mesh.gmsh_model import generate, gmsh_session
 from datagen.mesh.overlap import near_pairs
-from datagen.mesh.raw_mesh import raw_mesh
 from shared_schema.common.bodies.cells import boundary_facets, parts_of
-from shared_schema.common.bodies.groups import RawMesh
-from shared_schema.tools.closed_surface import read_triangles
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -183,32 +180,37 @@ def is_surface(path: Path | str) -> bool:
     return Path(path).suffix.lower() in SUFFIXES
 
 
-def mesh_inside(path: Path, size: float | None) -> RawMesh:
+def filled(points: Array, triangles: Ints, size: float | None) -> tuple[Array, Ints]:
     """Fill a surface with tetrahedra.
 
     Parameters
     ----------
-    path : Path
+    points : array, (n_points, 3)
+    triangles : array of int, (n_triangles, 3)
     size : float, optional
-        Largest edge of a cell in m, roughly; the triangles of the file stay without it.
+        Largest edge of a cell in the unit of the points, roughly; the triangles stay without it.
+
+    Returns
+    -------
+    at : array, (n_nodes, 3)
+    cells : array of int, (n_cells, 4)
 
     Raises
     ------
     ValueError
-        If the surface is not closed or cuts itself (`bodies_of`), gmsh fails or fills something
-        else, or the mesh is unfit.
+        If the surface is not closed or cuts itself (`bodies_of`), or gmsh fails or fills something
+        else.
     """
-    points, triangles = read_triangles(path)
+    positions, blocks, start = [], [], 0
     with gmsh_session() as gmsh:
         if size is not None:
             gmsh.option.setNumber("Mesh.MeshSizeMax", size)
-        positions, blocks, start = [], [], 0
         for body in bodies_of(points, triangles):
             at, cells = _filled(gmsh, points, triangles, body, size is not None)
             positions.append(at)
-            blocks.append(("tetra", start + cells))
+            blocks.append(start + cells)
             start += len(at)
-    return raw_mesh(np.concatenate(positions), blocks)
+    return np.concatenate(positions), np.concatenate(blocks)
 
 
 def _filled(
