@@ -10,6 +10,7 @@ from shared_schema.common.command_line import (
     add_command,
     add_held,
     add_loads,
+    add_parameter,
     add_tool,
 )
 from surrogate.command_options import add_device, add_out, add_passes, add_run, positive, share
@@ -44,6 +45,7 @@ def add_to(commands: Commands) -> None:
     add_loads(parser)
     add_held(parser)
     add_tool(parser)
+    add_parameter(parser)
     parser.add_argument("--young-modulus", type=moduli, metavar="E|GROUP=E,…", help=STIFFNESS)
     parser.add_argument("--stresses", action="store_true", help=STRESSES)
     fields = "fields at the nodes: force, displacement, standard deviations, half widths"
@@ -108,6 +110,7 @@ def run(options: argparse.Namespace) -> None:
         nearest=options.nearest,
         passes=options.passes,
         seed=options.seed,
+        parameters=options.parameters,
     )
     for note in solution.notes:
         print(note)

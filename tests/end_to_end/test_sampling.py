@@ -17,6 +17,7 @@ CASES = {
     "beam2d_any": EXACT,
     "lshape2d": EXACT,
     "plate2d": EXACT,
+    "plate2d_shapes": EXACT,
     "beam2d_sweep": EXACT,
     "beam3d": (*EXACT, "--set", "mesh.elements=[8,3,3]"),
     "beam3d_any": (*EXACT, "--set", "mesh.elements=[8,3,3]"),
@@ -42,7 +43,11 @@ def test_the_same_samples(case: str, tmp_path: Path) -> None:
     execute(SURROGATE, "sample", body, "--count", count, "--out", ours)
     execute(DATAGEN, "check", ours)
     readers = [DatasetReader(folder, "nodal") for folder in (theirs, ours)]
-    a, b = (reader.joined([f"samples/{name}" for name in NAMES]) for reader in readers)
+    shapes = ("parameters", "coordinates") if "shapes" in case else ()
+    names = [f"samples/{name}" for name in (*NAMES, *shapes)]
+    a, b = (reader.joined(names) for reader in readers)
+    for name in shapes:
+        assert np.allclose(a[f"samples/{name}"], b[f"samples/{name}"], rtol=0, atol=1e-14)
     for name in NAMES[:-1]:
         scale = np.abs(a[f"samples/{name}"]).max()
         assert np.allclose(a[f"samples/{name}"], b[f"samples/{name}"], rtol=0, atol=1e-12 * scale)

@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from surrogate.mechanics.touch.grip import Held
 
 Array = NDArray[np.float64]
+SHAPES = 8  # that are kept
 
 
 class Surrogate(Remade):
@@ -85,6 +86,7 @@ class Surrogate(Remade):
         self.training_range = TrainingRange.of(geometry, description)
         self.folder: Path | None = None
         self.mean_error: float | None = None
+        self._shapes: dict[bytes, Surrogate] = {}
 
     def __repr__(self) -> str:
         """Say what it is, such as "Surrogate(beam2d, 64 nodes, U-Net 0.47 M, ē 0.06 mm)"."""
@@ -138,6 +140,7 @@ class Surrogate(Remade):
         budget: float | None = None,
         pressure: ArrayLike | None = None,
         nodes: str | ArrayLike | None = None,
+        parameters: Mapping[str, float] | None = None,
     ) -> Tensor: ...
     @overload
     def predict(
@@ -148,6 +151,7 @@ class Surrogate(Remade):
         budget: float | None = None,
         pressure: ArrayLike | None = None,
         nodes: str | ArrayLike | None = None,
+        parameters: Mapping[str, float] | None = None,
     ) -> Array: ...
     def predict(
         self,
@@ -157,6 +161,7 @@ class Surrogate(Remade):
         budget: float | None = None,
         pressure: ArrayLike | None = None,
         nodes: str | ArrayLike | None = None,
+        parameters: Mapping[str, float] | None = None,
     ) -> Array | Tensor:
         """Predict displacements, the means of `predict_distribution`.
 
@@ -188,6 +193,8 @@ class Surrogate(Remade):
             follows the surface; by default the pressures that the forces tell.
         nodes : "surface", name of a group of nodes, or array of int, optional
             Nodes whose displacements are wanted, all by default.
+        parameters : mapping of str to float, optional
+            Those of the body's shape, as of `of_shape`.
 
         Returns
         -------
@@ -202,23 +209,26 @@ class Surrogate(Remade):
             for a body whose equilibrium the learner does not compute.
         """
         require_time()
-        follows = self.predictor.series is not None  # without directions as well
+        model = self.of_shape(parameters) if parameters else self
+        follows = model.predictor.series is not None  # without directions as well
         aim = given_aim(tolerance, budget, None if follows else pressure)
-        wanted = None if nodes is None else self.geometry.nodes_of(nodes)
-        loads = checked_loads(self.geometry, forces)
-        self.training_range.warn(loads[..., : len(self.geometry.coordinates), :])
+        wanted = None if nodes is None else model.geometry.nodes_of(nodes)
+        loads = checked_loads(model.geometry, forces)
+        model.training_range.warn(loads[..., : len(model.geometry.coordinates), :])
         found: Array | Tensor
         if isinstance(forces, Tensor) and forces.requires_grad and torch.is_grad_enabled():
             if aim is not None:
                 raise InputError(
                     "tolerance and budget: directions have no gradients, expected forces without"
                 )
-            found = self.predictor.differentiable(forces)
+            found = model.predictor.differentiable(forces)
         else:
             if aim is None:
-                found, _ = self.predictor.respond(loads, pressure)
+                found, _ = model.predictor.respond(loads, pressure)
             else:
-                found = driven(self.predictor, Load.told_apart(self.geometry, loads, pressure), aim)
+                found = driven(
+                    model.predictor, Load.told_apart(model.geometry, loads, pressure), aim
+                )
             if isinstance(forces, Tensor):
                 kind = forces.dtype if forces.is_floating_point() else torch.float64
                 found = torch.from_numpy(found).to(forces.device, kind)
@@ -279,6 +289,7 @@ class Surrogate(Remade):
         nearest: bool = False,
         passes: int | None = None,
         seed: int | None = None,
+        parameters: Mapping[str, float] | None = None,
     ) -> Solution:
         """Predict one load case; certify or correct it.
 
@@ -327,6 +338,8 @@ class Surrogate(Remade):
             Let forces at other places act at the nearest node; the solution's notes say which.
         passes, seed : int, optional
             Number of passes of a stochastic network and their seed; 300 and 0 by default.
+        parameters : mapping of str to float, optional
+            Those of the body's shape, as of `of_shape`.
 
         Raises
         ------
@@ -353,7 +366,7 @@ class Surrogate(Remade):
             passes=passes,
             seed=seed,
         )
-        return solved(self, load, wanted)
+        return solved(self.of_shape(parameters) if parameters else self, load, wanted)
 
     # --- certificates and corrections -------------------------------------------------------------
 
@@ -583,6 +596,36 @@ class Surrogate(Remade):
         tensors = {**self.network.state_dict(), **self.geometry.tensors()}
         description = self.description.model_copy(update=changed)
         return make_surrogate(tensors, description, self.network.free.device.type)
+
+    def of_shape(self, parameters: Mapping[str, float]) -> Surrogate:
+        """Make the same model for the body in the shape of some parameters.
+
+        The stiffness of the shape is factorised; certificates, corrections and stresses are those
+        of its own finite elements. The last few shapes are kept.
+
+        Parameters
+        ----------
+        parameters : mapping of str to float
+            By their names; the others are in the middle of their ranges. Predictions of a trained
+            network warn of those outside.
+
+        Raises
+        ------
+        InputError
+            If the body has one shape, there is no such parameter, or they tangle the mesh.
+        """
+        geometry = self.geometry.of_shape(parameters)
+        assert geometry.parameters is not None
+        key = geometry.parameters.tobytes()
+        if key not in self._shapes:
+            tensors = {**self.network.state_dict(), **geometry.tensors()}
+            device = self.network.free.device.type
+            made = make_surrogate(tensors, self.description, device)
+            made.mean_error, made.precision = self.mean_error, self.precision
+            if len(self._shapes) >= SHAPES:
+                self._shapes.pop(next(iter(self._shapes)), None)
+            self._shapes[key] = made
+        return self._shapes[key]
 
     def require_stochastic(self, **options: int | None) -> None:
         """Raise InputError if pass options are given for a network that is not stochastic."""

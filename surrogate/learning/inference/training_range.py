@@ -66,6 +66,7 @@ class TrainingRange:
         self._elsewhere = ~loadable
         self._loads = loads
         self._warned: set[str] = set()
+        self._shape: list[str] = []
 
     @classmethod
     def of(cls, geometry: Geometry, description: RunDescription) -> TrainingRange:
@@ -73,7 +74,7 @@ class TrainingRange:
         data = description.data
         if not description.run.learns:
             return cls.none(geometry)
-        return cls(
+        found = cls(
             data.info.force.max_abs,
             geometry.loadable,
             data.loads,
@@ -82,6 +83,9 @@ class TrainingRange:
             known_families(data.case),
             data.units,
         )
+        if geometry.shapes is not None and geometry.parameters is not None:
+            found._shape = geometry.shapes.outside(geometry.parameters)
+        return found
 
     @classmethod
     def none(cls, geometry: Geometry) -> TrainingRange:
@@ -152,6 +156,8 @@ class TrainingRange:
         return new
 
     def _exceeded(self, forces: Array) -> Iterator[tuple[str, str]]:
+        if self._shape:
+            yield "shape", self._shape[0]
         some = np.flatnonzero(forces.any(axis=0) @ np.ones(forces.shape[2], np.bool_))
         at_some = forces.take(some, axis=1)  # most loads act on a few nodes
         values = at_some

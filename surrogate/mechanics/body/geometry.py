@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
@@ -22,9 +22,13 @@ from shared_schema.common.units import SI, Units
 from shared_schema.grid import Grid, grid_arrays, grid_of
 from shared_schema.layout import Arrays
 
+if TYPE_CHECKING:
+    from shared_schema.common.bodies.shape_family import ShapeFamily
+
 PREFIX = "geometry."
 GROUP = "group:"  # before the name of a group of nodes
 SIDES, INSIDE = "sides of:", "cells of:"  # before that of one whose nodes do not tell them
+PARAMETER = "parameter:"  # before the number and name of a parameter of the shape
 SURFACE = "surface"  # in place of the name of a group
 
 
@@ -67,6 +71,10 @@ class Geometry:
         points between these: so they do in datasets of earlier versions.
     units : Units
         Labels of the units of the case, which says them too.
+    shapes : ShapeFamily or None
+        Where the nodes are in other shapes, of a family of them.
+    parameters : array, (n_parameters,), or None
+        Those of this shape.
     """
 
     coordinates: NDArray[np.float64]
@@ -86,6 +94,8 @@ class Geometry:
     units: Units = SI
     group_parts: Mapping[str, GroupParts] = field(default_factory=dict)
     fibres: NDArray[np.float64] | None = None
+    shapes: ShapeFamily | None = None
+    parameters: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         hold_read_only(self)
@@ -93,6 +103,11 @@ class Geometry:
     @classmethod
     def from_arrays(cls, arrays: Arrays, cell_type: str) -> Geometry:
         """Take the geometry from the arrays of a structured shard."""
+        shapes = None
+        if "mesh/shape_terms" in arrays:
+            from shared_schema.common.bodies.shape_family import ShapeFamily
+
+            shapes = ShapeFamily.of_arrays(arrays)
         return cls(
             arrays["mesh/coordinates"],
             arrays["mesh/cells"],
@@ -107,6 +122,8 @@ class Geometry:
             arrays.get("mesh/pressed_surface"),
             group_parts=parts_of(arrays, cell_type),
             fibres=arrays.get("mesh/fibres"),
+            shapes=shapes,
+            parameters=None if shapes is None else shapes.middle,
         )
 
     @classmethod
@@ -118,6 +135,14 @@ class Geometry:
             if name.startswith(PREFIX)
         }
         groups = {k.removeprefix(GROUP): v for k, v in arrays.items() if k.startswith(GROUP)}
+        shapes = None
+        if "shape_terms" in arrays:
+            from shared_schema.common.bodies.shape_family import ShapeFamily
+
+            ranges = sorted((k, v) for k, v in arrays.items() if k.startswith(PARAMETER))
+            names = tuple(key.split(":", 2)[2] for key, _ in ranges)
+            ends = np.array([values for _, values in ranges])
+            shapes = ShapeFamily(names, ends, arrays["shape_terms"])
         return cls(
             arrays["coordinates"],
             arrays["cells"],
@@ -136,6 +161,8 @@ class Geometry:
                 if SIDES + name in arrays
             },
             fibres=arrays.get("fibres"),
+            shapes=shapes,
+            parameters=arrays.get("parameters"),
         )
 
     def arrays(self) -> Arrays:
@@ -152,10 +179,37 @@ class Geometry:
         for name in ("pressed", "pressed_surface"):
             if (values := getattr(self, name)) is not None:
                 others[name] = values
+        if self.shapes is not None and self.parameters is not None:
+            others["parameters"] = self.parameters
+            ranges = zip(self.shapes.names, self.shapes.ranges, strict=True)
+            others |= {f"{PARAMETER}{i}:{name}": r for i, (name, r) in enumerate(ranges)}
         return {
             PREFIX + name: torch.tensor(array)
             for name, array in (*self.arrays().items(), *others.items())
         }
+
+    @property
+    def shape_terms(self) -> NDArray[np.float64] | None:
+        """Polynomial of the node positions of a family of shapes."""
+        return None if self.shapes is None else self.shapes.terms
+
+    def of_shape(self, parameters: Mapping[str, float]) -> Geometry:
+        """The body with its nodes where they are in the shape of some parameters.
+
+        Raises
+        ------
+        InputError
+            If the body has one shape, there is no such parameter, or they tangle the mesh.
+        """
+        if self.shapes is None:
+            name = next(iter(parameters), "")
+            raise InputError(f"parameter {name}: the body has one shape", "parameter")
+        return self.shaped(self.shapes.checked(parameters, self.cells, self.cell_type))
+
+    def shaped(self, values: NDArray[np.float64]) -> Geometry:
+        """The same, of checked parameters, (n_parameters,)."""
+        assert self.shapes is not None
+        return replace(self, coordinates=self.shapes.coordinates(values), parameters=values)
 
     @property
     def dimension(self) -> int:
@@ -283,7 +337,7 @@ class Geometry:
 
 
 _ARRAYS = ("coordinates", "cells", "clamped", "loadable")
-_OPTIONAL = ("single", "parts", "fibres")
+_OPTIONAL = ("single", "parts", "fibres", "shape_terms")
 
 
 def at_components(fields: Tensor, components: Tensor) -> Tensor:

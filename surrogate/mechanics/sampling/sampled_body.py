@@ -11,7 +11,7 @@ from __future__ import annotations
 import platform
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
@@ -32,7 +32,7 @@ from shared_schema.loads import LoadFamily, LoadsTogether, load_family
 from shared_schema.loads.together import placed_loads
 from shared_schema.manifest import digest_of
 from shared_schema.samples.dataset_settings import DatasetSettings
-from shared_schema.samples.results import Result, SolveReport
+from shared_schema.samples.results import Result, SolveReport, not_begun
 from shared_schema.stiffness import Stiffness
 from surrogate.mechanics.body.elements_of_case import loads_of_before
 from surrogate.mechanics.certify.correction import correct
@@ -177,8 +177,28 @@ class SampledBody:
         on = body.coordinates, body.surfaces, pressures, body.pressed_points
         return Load(dead, FollowerPressure.on(*on))
 
+    def of_shape(self, values: Array) -> SampledBody:
+        """The body in the shape of some parameters, (n_parameters,)."""
+        geometry = self.body.geometry.shaped(values)
+        body, loads = Body(geometry, self.body.case), self.loads.on(geometry.coordinates)
+        return replace(self, body=body, loads=loads)
+
     def solved(self, numbers: Sequence[int]) -> Iterator[Result]:
         """Draw and solve load cases, and yield the results as they come."""
+        geometry = self.body.geometry
+        if geometry.shapes is None:
+            yield from self._solved(numbers)
+            return
+        for number in numbers:
+            values = geometry.shapes.drawn(self.loads.seed, number)
+            tangled = geometry.shapes.problem(values, geometry.cells, geometry.cell_type)
+            if tangled is None:
+                yield from self.of_shape(values)._solved([number])
+            else:
+                yield not_begun(number, self.loads[number], tangled)
+
+    def _solved(self, numbers: Sequence[int]) -> Iterator[Result]:
+        """Solve load cases of one shape."""
         drawn = [self.loads[number] for number in numbers]
         loads = self.load(drawn)
         searches, compliance = self._searches(self._series, loads), self.body.driven_body.compliance
@@ -222,7 +242,7 @@ class SampledBody:
     def stiffness(self) -> Stiffness | None:
         """K(0) in N/m without supports; None of elements with unknowns beside those of nodes."""
         body = self.body.equilibrium
-        if body.points is not None:
+        if body.points is not None or self.body.geometry.shapes is not None:
             return None
         cells, d = body.geometry.cells, body.geometry.dimension
         of_cell = (cells[:, :, None] * d + np.arange(d)).reshape(len(cells), -1)

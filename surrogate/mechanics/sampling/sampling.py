@@ -108,8 +108,10 @@ def _write(
     found: dict[int, list[Result]] = {shard: [] for shard in remaining}
     progress = Progress(total, done, "samples", f"surrogate sample {sampled.case.content['name']}")
 
+    shapes = sampled.body.geometry.shapes
+
     def arrays(shard: int) -> Arrays:
-        return {**sampled.mesh, **result_arrays(sampled.loads, found.pop(shard))}
+        return {**sampled.mesh, **result_arrays(sampled.loads, found.pop(shard), shapes)}
 
     def finish(shard: int) -> None:
         if len(found[shard]) == len(remaining[shard]) and not journal.extends(shard):

@@ -105,6 +105,16 @@ class Body(Remade):
         """
         return Body(self.geometry, case_of_moduli(self.case, self.material, moduli))
 
+    def of_shape(self, parameters: Mapping[str, float]) -> Body:
+        """The body in the shape of some parameters, the others in the middle of their ranges.
+
+        Raises
+        ------
+        InputError
+            If it has one shape, there is no such parameter, or they tangle the mesh.
+        """
+        return Body(self.geometry.of_shape(parameters), self.case)
+
     @property
     def material(self) -> Materials:
         """Material of the body, or those of its parts; InputError if they are not shipped ones."""
