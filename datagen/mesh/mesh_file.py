@@ -38,10 +38,11 @@ from datagen.mesh.files.gmsh_file import (
 from datagen.mesh.files.image_file import is_image, mesh_of_image
 from datagen.mesh.files.meshio_file import mesh_by_meshio
 from datagen.mesh.files.script_shapes import OF_SHAPES, positions_of_shapes
-from datagen.mesh.files.surface_file import filled, is_surface
+from datagen.mesh.files.surface_file import SUFFIXES, filled, is_surface
 from datagen.mesh.overlap import overlap_problem
 from datagen.mesh.raw_mesh import raw_mesh, read_raw_mesh, write_raw_mesh
 from datagen.mesh.refinement import refined
+from datagen.mesh.zones import OF_ZONES, with_zones
 from shared_schema.common.bodies.equilibrium import mean_edge
 from shared_schema.common.bodies.groups import RawMesh
 from shared_schema.common.bodies.shape_family import MOST, ShapeFamily, design
@@ -88,8 +89,8 @@ class MeshFile(Frozen):
         Size of the cells before `scale`: that of a CAD file in m, of a surface in its unit, of an
         image in mm. Without it the triangles of a surface stay.
     sha256 : str, optional
-        Checksum of the file. It is filled in when a case is read, so that a dataset belongs to one
-        mesh.
+        Checksum of the file and its zones. It is filled in when a case is read, so that a dataset
+        belongs to one mesh.
     scale : float
         Factor on all coordinates of the file, such as 0.001 from mm to m. The lengths of the other
         kinds stand in the case itself.
@@ -105,6 +106,10 @@ class MeshFile(Frozen):
         body. By default all but 0, under their numbers.
     smoothing : float
         Standard deviation in voxels of the Gaussian that blurs the labels of an image.
+    zones : mapping of str to str
+        Closed surfaces (``.stl``, ``.obj``, ``.ply``) in a body in space, in its unit before
+        `scale`, by the names of the groups of the cells whose centres lie inside; all others are
+        the group ``rest``. Paths are relative to the case file.
     """
 
     kind: Literal["file"]
@@ -116,6 +121,7 @@ class MeshFile(Frozen):
     parameters: Parameters = Field({}, exclude_if=lambda parameters: not parameters)
     labels: dict[str, Label] = Field({}, exclude_if=lambda labels: not labels)
     smoothing: float = Field(1.0, ge=0, le=10, exclude_if=lambda smoothing: smoothing == 1.0)
+    zones: dict[str, str] = Field({}, exclude_if=lambda zones: not zones)
     _folder: Path = PrivateAttr(default=Path())
 
     @field_validator("parameters", mode="before")
@@ -139,6 +145,11 @@ class MeshFile(Frozen):
         if self.size is None and (is_cad(path) or is_image(path)):
             unit = "m" if is_cad(path) else "mm"
             raise ValueError(f"'size' of '{path}': expected that of the cells in {unit}")
+        for name, file in self.zones.items():
+            if not is_surface(file):
+                raise ValueError(
+                    f"'zones.{name}' = '{file}': expected a closed surface, {', '.join(SUFFIXES)}"
+                )
         return self
 
     @model_validator(mode="after")
@@ -170,9 +181,10 @@ class MeshFile(Frozen):
             If there is no such file, its checksum differs from the given one, or gmsh would do more
             with it than to make or read a mesh.
         """
-        path = folder / self.path
-        if not path.is_file():
-            raise InputError(f"key 'mesh.path' = '{self.path}': no such file {path}")
+        path, zones = folder / self.path, self._zones_in(folder)
+        for key, file in {"path": path, **{f"zones.{n}": z for n, z in zones.items()}}.items():
+            if not file.is_file():
+                raise InputError(f"key 'mesh.{key}': no such file {file}")
         if is_of_gmsh(path) and not trust:
             try:
                 require_harmless(path)
@@ -185,12 +197,15 @@ class MeshFile(Frozen):
                     f"key 'mesh.parameters.{name}': '{self.path}' {defined}, expected a constant "
                     "of its DefineConstant"
                 )
-        digest = sha256(path)
+        digest = sha256(path, *zones.values())
         if self.sha256 not in (None, digest):
             raise InputError(f"key 'mesh.sha256' = {self.sha256!r}: {path} has {digest}")
         found = self.model_copy(update={"sha256": digest})
         found._folder = folder
         return found
+
+    def _zones_in(self, folder: Path) -> dict[str, Path]:
+        return {name: folder / file for name, file in self.zones.items()}
 
     def raw_mesh(self) -> RawMesh:
         """Read the mesh, or generate it with gmsh.
@@ -202,7 +217,8 @@ class MeshFile(Frozen):
             `overlap_problem`), or parameters in their ranges tangle it.
         """
         path = self._folder / self.path
-        options = self.model_dump_json()
+        zones = {name: str(file.absolute()) for name, file in self._zones_in(self._folder).items()}
+        options = self.model_copy(update={"zones": zones}).model_dump_json()
         with TemporaryDirectory() as folder:
             result = Path(folder) / "mesh.npz"
             done = subprocess.run(
@@ -222,8 +238,9 @@ class MeshFile(Frozen):
         if done.returncode != UNFIT or not problem:
             problem = f"reading it ended with {_ending(done.returncode)}"
         key = f"mesh.path' = '{self.path}"
-        if problem.startswith(OF_SHAPES):
-            key, problem = "mesh.parameters", problem.removeprefix(OF_SHAPES)
+        if problem.startswith((OF_SHAPES, OF_ZONES)):
+            key, _, problem = problem.partition(": ")
+            key = f"mesh.{key}"
         raise InputError(f"key '{key}': {problem}")
 
 
@@ -249,6 +266,8 @@ def main(path: Path, result: Path, wanted: MeshFile) -> int:
         problem = overlap_problem(mesh.coordinates, mesh.cells, mesh.cell_type)
         if problem is not None:
             raise ValueError(problem)
+        if wanted.zones:
+            mesh = with_zones(mesh, {name: Path(file) for name, file in wanted.zones.items()})
         if ranges:
             mesh = replace(mesh, shapes=_shapes(path, mesh, fixed, ranges))
         write_raw_mesh(result, mesh)
