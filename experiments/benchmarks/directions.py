@@ -76,7 +76,7 @@ def judged(model: surrogate.Surrogate, number: int, seed: int) -> Row:
         seconds.append(taken + more)
         directions.append(descent.directions)
         reached.append(bool(descent.reached))
-    pressure = None if load.pressure is None else load.pressure.pressures[0]
+    pressure = None if load.following is None else load.following.amplitudes[0]
     try:
         truth = model.correct(force[0], driven[-1], pressure=pressure).displacement
     except WorkError:

@@ -19,7 +19,7 @@ from shared_schema.common.lazy_names import lazy_names
 if TYPE_CHECKING:
     from surrogate.mechanics.equilibrium.block_solve import BlockSolve
     from surrogate.mechanics.equilibrium.compliance import Compliance
-    from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
+    from surrogate.mechanics.equilibrium.following_loads import FollowingLoads
     from surrogate.mechanics.equilibrium.linear_response import LinearResponse
     from surrogate.mechanics.equilibrium.newton_steps import NewtonSteps, norms
     from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
@@ -39,7 +39,7 @@ __all__ = [
     "Body",
     "Compliance",
     "Equilibrium",
-    "FollowerPressure",
+    "FollowingLoads",
     "Grip",
     "Identification",
     "LinearResponse",

@@ -32,7 +32,7 @@ from surrogate.mechanics.body.elements_of_case import body_of_response
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.energy.law import Law
 from surrogate.mechanics.energy.recording import Recording
-from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
+from surrogate.mechanics.equilibrium.following_loads import FollowingLoads
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from surrogate.mechanics.matrices.factors import band_order
 from surrogate.mechanics.solids.deformation import recorded_law
@@ -307,9 +307,7 @@ def pressures_of(surrogate: Surrogate) -> tuple[tuple[str, ...], tuple[float, ..
 
 def unit_pressures(geometry: Geometry) -> NDArray[np.float64]:
     """Forces of 1 Pa on each surface of the undeformed body, at the nodes: (n_surfaces, n, d)."""
-    units = np.eye(len(geometry.surfaces))
-    points = geometry.pressed_points
-    push = FollowerPressure.on(geometry.coordinates, geometry.surfaces, units, points)
+    push = FollowingLoads.of(geometry, np.eye(len(geometry.following)))
     return np.asarray(push.load[:, : len(geometry.coordinates)] * geometry.free)
 
 

@@ -19,7 +19,7 @@ from surrogate.learning.runs.shelf import certificates_of
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.certify.correction import correct
 from surrogate.mechanics.certify.full_certificate import certify
-from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
+from surrogate.mechanics.equilibrium.following_loads import FollowingLoads
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from surrogate.mechanics.equilibrium.stresses import cell_stresses, reactions
 from tests.end_to_end.commands import DATAGEN, SURROGATE, execute
@@ -153,7 +153,7 @@ def test_the_two_programs_have_one_equilibrium(
     with np.load(solved / f"{cell_type}-{element}-{ratio}-{pressure:g}.npz") as found:
         theirs = dict(found)
     u, given = theirs["u"], loads_on(geometry, pressure)
-    load, follows = given.load, FollowerPressure.of_load(given)
+    load, follows = given.load, FollowingLoads.of_load(given)
     assert follows is not None
     body = Equilibrium(geometry, NeoHookean(young_modulus=500, poisson_ratio=ratio), on_points=True)
     pressed = body.under(follows)

@@ -59,20 +59,20 @@ class Cable:
     def forces(self, x: Array) -> Array:
         """Unit forces g(x): (n_points, d), without unit."""
         e = np.diff(self.places(x), axis=0)
-        return -np.asarray(self._legs.T @ (e / np.linalg.norm(e, axis=1, keepdims=True)))
+        return -np.asarray(self.legs.T @ (e / np.linalg.norm(e, axis=1, keepdims=True)))
 
     def tangents(self, x: Array) -> Blocks:
         """Yield −∂g/∂x of one leg of the cable after the other, in 1/m."""
-        e, d, legs = np.diff(self.places(x), axis=0), x.shape[1], self._legs
-        for leg, begin, end in zip(e, legs.indptr[:-1], legs.indptr[1:], strict=True):
-            size, share = np.linalg.norm(leg), legs.data[begin:end]
+        e, d, legs = np.diff(self.places(x), axis=0), x.shape[1], self.legs
+        shares = np.split(legs.data, legs.indptr[1:-1])
+        for leg, share, points in zip(e, shares, self.leg_points, strict=True):
+            size = np.linalg.norm(leg)
             across = (np.eye(d) - np.outer(leg, leg) / size**2) / size
-            points = legs.indices[None, begin:end].astype(np.int64)
             yield points, np.kron(np.outer(share, share), across)[None]
 
     def terms(self, x: Sequence[Array]) -> tuple[list[Array], list[float]]:
         """Coefficients of g and ℓ along a path."""
-        e = [self._legs @ each for each in x]
+        e = [self.legs @ each for each in x]
         e[0] = e[0] + np.diff(self.fixed, axis=0)
         squares: list[Array] = []
         inverse: list[Array] = []
@@ -85,9 +85,15 @@ class Cable:
             inverse.append(np.sum(parts, axis=0) / squares[0] if k else squares[0] ** -0.5)
             units.append(np.sum([inverse[j][:, None] * e[k - j] for j in orders], axis=0))
             lengths.append(sum(float((e[j] * units[k - j]).sum()) for j in orders))
-        return [-np.asarray(self._legs.T @ n) for n in units], lengths
+        return [-np.asarray(self.legs.T @ n) for n in units], lengths
+
+    @property
+    def leg_points(self) -> list[NDArray[np.int64]]:
+        """Numbers of the points of the body that each leg joins, (1, k) each."""
+        indices = self.legs.indices.astype(np.int64)
+        return [points[None] for points in np.split(indices, self.legs.indptr[1:-1])]
 
     @cached_property
-    def _legs(self) -> csr_array:
+    def legs(self) -> csr_array:
         """Weights of the points of the body in :math:`e_i`: (n_places − 1, n_points)."""
         return csr_array(self.weights[1:] - self.weights[:-1])

@@ -267,7 +267,7 @@ def evaluate(
         others = extrapolate(surrogate, Path(loads), passes, seed)
     measures = measure(force, predicted.mean, reference, tip)
     acting = acting_in(data)
-    stress = measure_stresses(surrogate, predicted.mean, reference, acting.dead, acting.pressure)
+    stress = measure_stresses(surrogate, predicted.mean, reference, acting.dead, acting.following)
     example = find_example(force, reference, tip, np.array([tip]), example_displacement)
     moved, error = tip_measures(predicted.mean[example], reference[example], tip)
     content = origin_of(folder, surrogate, data) | {
@@ -289,14 +289,14 @@ def evaluate(
             theirs, samples = others.predicted, others.samples
             acts = Load.of_samples(surrogate.geometry, samples.load)
             content["extrapolation"]["fast_certificate"] = fast.measures(
-                acts.dead, theirs.mean, samples.displacement, theirs.std, acts.pressure
+                acts.dead, theirs.mean, samples.displacement, theirs.std, acts.following
             )
     if intervals is not None:
         scale = surrogate.score_scale(predicted)
         content["conformal"] = intervals.measures(predicted.mean, scale, reference, free)
     if fast is not None:
         acts = Load.of_samples(surrogate.geometry, data.nodal_test.load)
-        bounds = fast.measures(acts.dead, predicted.mean, reference, predicted.std, acts.pressure)
+        bounds = fast.measures(acts.dead, predicted.mean, reference, predicted.std, acts.following)
         content["fast_certificate"] = bounds
     return Evaluation(
         run=folder.folder,

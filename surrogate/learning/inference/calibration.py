@@ -35,7 +35,7 @@ from surrogate.learning.probabilistic.stochastic_passes import PASSES
 from surrogate.learning.runs.folder import RunFolder
 from surrogate.learning.runs.shelf import find_run, require_changeable
 from surrogate.learning.runs.split import split_training
-from surrogate.mechanics import FollowerPressure
+from surrogate.mechanics import FollowingLoads
 from surrogate.mechanics.certify.calibrated_range import LEAST_STIFFNESS
 from surrogate.mechanics.certify.certificate_protocol import LEVEL
 from surrogate.mechanics.certify.conformal import KINDS, ConformalCalibration, Intervals
@@ -103,7 +103,7 @@ def drawn_loads(
             )
     low, high = np.transpose(ranges)
     pressures = random.uniform(low, high, (count, len(ranges)))
-    pressed = FollowerPressure.on(body.coordinates, body.surfaces, pressures, body.pressed_points)
+    pressed = FollowingLoads.of(body, pressures)
     at_nodes = pressed.load[:, : len(body.coordinates)]
     return np.asarray(forces + np.where(body.held, 0, at_nodes))
 
@@ -157,7 +157,7 @@ class HeldOut:
         predicted = surrogate.averaged_passes(forces, passes, seed)
         loads = Load.of_samples(surrogate.geometry, forces)
         estimate = surrogate.fast_estimate
-        _, _, softest = estimate.with_stability(loads.dead, predicted.mean, loads.pressure)
+        _, _, softest = estimate.with_stability(loads.dead, predicted.mean, loads.following)
         rows, truth = [], []
         stable = np.flatnonzero(softest > LEAST_STIFFNESS)
         with closing(Progress(len(stable), unit="loads", title="corrected")) as progress:
@@ -262,7 +262,7 @@ def fit_on_samples(surrogate: Surrogate, samples: HeldOut) -> FastCertificate:
     std = predicted.std if surrogate.is_probabilistic else None
     load = Load.of_samples(surrogate.geometry, samples.force)
     return FastCertificate.fit(
-        surrogate.fast_estimate, load.dead, predicted.mean, samples.truth, std, load.pressure
+        surrogate.fast_estimate, load.dead, predicted.mean, samples.truth, std, load.following
     )
 
 
@@ -342,8 +342,8 @@ def measured(fast: FastCertificate, model: Surrogate, fresh: HeldOut, loads: int
     load = Load.of_samples(model.geometry, fresh.force)
     predicted, std = fresh.predicted.mean, fresh.predicted.std
     of = std if std.any() else None
-    content = fast.measures(load.dead, predicted, fresh.truth, of, load.pressure)
-    bounds = fast.certify(load.dead, predicted, LEVEL, None, load.pressure)
+    content = fast.measures(load.dead, predicted, fresh.truth, of, load.following)
+    bounds = fast.certify(load.dead, predicted, LEVEL, None, load.following)
     bounded = np.isfinite(bounds.largest)
     content["refused"] = 1 - int(bounded.sum()) / loads
     error = predicted - fresh.truth

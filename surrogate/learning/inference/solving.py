@@ -130,7 +130,7 @@ def solved(model: Surrogate, load: GivenLoad, wanted: Wanted) -> Solution:
     of_components = fast if fast is not None or std is None else model.bounds_of_components
     half_width = None
     if of_components is not None:
-        bounds = of_components.certify(acting.dead, displacement, level, std, acting.pressure)
+        bounds = of_components.certify(acting.dead, displacement, level, std, acting.following)
         half_width = bounds.half_width
         certificate = certificate if fast is None else bounds
     told = certificate is not None or correction is not None

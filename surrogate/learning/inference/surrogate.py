@@ -437,7 +437,7 @@ class Surrogate(Remade):
             network = self.predictor.distribution(loads, PASSES, 0)
             predicted, std = network.mean, network.std
         load, displacement = self._checked(loads, predicted, pressure)
-        return fast.certify(load.dead, displacement, level, std, load.pressure)
+        return fast.certify(load.dead, displacement, level, std, load.following)
 
     def correct(
         self,

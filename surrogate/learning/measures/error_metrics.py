@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from shared_schema.common.errors import InputError
 from surrogate.learning.inference.surrogate import Surrogate
-from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
+from surrogate.mechanics.equilibrium.following_loads import FollowingLoads
 from surrogate.mechanics.statics.load import Load
 
 Array = NDArray[np.float64]
@@ -156,7 +156,7 @@ def measure_stresses(
     predicted: Array,
     reference: Array,
     dead: Array | None = None,
-    pressure: FollowerPressure | None = None,
+    following: FollowingLoads | None = None,
 ) -> StressMeasures | None:
     """Measure the stresses of predictions; None if the material is none of the shipped ones.
 
@@ -167,7 +167,7 @@ def measure_stresses(
         Displacements in m.
     dead : array, (M, n_nodes or n_points, d), optional
         Dead loads in N, under which points between the nodes move; none by default.
-    pressure : FollowerPressure, optional
+    following : FollowingLoads, optional
         Pressures of the samples; none by default.
     """
     try:
@@ -179,7 +179,7 @@ def measure_stresses(
     parts = []
     for start in range(0, len(predicted), step):
         some = slice(start, start + step)
-        of_load = partial(surrogate.body.stresses_under, Load(dead, pressure)[some])
+        of_load = partial(surrogate.body.stresses_under, Load(dead, following)[some])
         parts.append(_errors(of_load(predicted[some]), of_load(reference[some])))
     mean, largest, of_largest, inverted = map(np.concatenate, zip(*parts, strict=True))
     stressed = largest > 0

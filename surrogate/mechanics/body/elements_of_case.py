@@ -38,7 +38,7 @@ def element_of(case: Mapping[str, Any]) -> str:
 
 
 def with_elements(geometry: Geometry, case: Mapping[str, Any], forces: str | None) -> Geometry:
-    """Geometry of a body with the elements of its case, and the labels of its units.
+    """Geometry of a body with the elements and actuators of its case, and labels of its units.
 
     Parameters
     ----------
@@ -49,13 +49,19 @@ def with_elements(geometry: Geometry, case: Mapping[str, Any], forces: str | Non
         What the manifest says of forces between the nodes; None if pressures act at corners alone.
     """
     between = has_points_between(case, geometry.cell_type)
-    return replace(
+    found = replace(
         geometry,
         mean_dilation=has_mean_dilation(case, geometry.cell_type),
         has_points_between=between,
         pressed_by_corners=between and forces is None,
         units=Units.of_case(case),
     )
+    if not case.get("actuators"):
+        return found
+    from shared_schema.actuators import actuators_of, placed_actuators  # few bodies have some
+
+    placed = placed_actuators(actuators_of(case["actuators"]), found.loaded_body)
+    return replace(found, actuators=placed)
 
 
 def has_mean_dilation(case: Mapping[str, Any], cell_type: str) -> bool:

@@ -13,8 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
 from shared_schema.common.arguments import hold_read_only, read_only
+from shared_schema.common.bodies.cables import Cable
 from shared_schema.common.bodies.cells import boundary_facets, outward_facets
 from shared_schema.common.bodies.command_loads import LoadedBody
+from shared_schema.common.bodies.following_loads import FollowingLoad, PressedSurface
 from shared_schema.common.bodies.groups import GroupParts, groups_of, parts_of
 from shared_schema.common.bodies.points_between import PointsBetween
 from shared_schema.common.errors import InputError
@@ -23,6 +25,7 @@ from shared_schema.grid import Grid, grid_arrays, grid_of
 from shared_schema.layout import Arrays
 
 if TYPE_CHECKING:
+    from shared_schema.actuators import PlacedActuators
     from shared_schema.common.bodies.shape_family import ShapeFamily
 
 PREFIX = "geometry."
@@ -75,6 +78,8 @@ class Geometry:
         Where the nodes are in other shapes, of a family of them.
     parameters : array, (n_parameters,), or None
         Those of this shape.
+    actuators : PlacedActuators or None
+        Cables and chambers, which the case says too.
     """
 
     coordinates: NDArray[np.float64]
@@ -96,6 +101,7 @@ class Geometry:
     fibres: NDArray[np.float64] | None = None
     shapes: ShapeFamily | None = None
     parameters: NDArray[np.float64] | None = None
+    actuators: PlacedActuators | None = None
 
     def __post_init__(self) -> None:
         hold_read_only(self)
@@ -243,6 +249,18 @@ class Geometry:
         of = self.pressed_surface
         return tuple(facets[of == number] for number in range(int(of.max()) + 1))
 
+    @property
+    def following(self) -> tuple[FollowingLoad, ...]:
+        """Loads of the case that follow the body, of unit amplitude: `surfaces`, then actuators."""
+        units = tuple(PressedSurface(facets) for facets in self.surfaces)
+        return units if self.actuators is None else (*units, *self.actuators.loads)
+
+    @property
+    def cable_points(self) -> list[NDArray[np.int64]]:
+        """Numbers of the points that each leg of a cable joins, (1, k) each."""
+        units = () if self.actuators is None else self.actuators.loads
+        return [leg for unit in units if isinstance(unit, Cable) for leg in unit.leg_points]
+
     @cached_property
     def points_between(self) -> PointsBetween:
         """Points of quadratic elements on the mesh."""
@@ -270,8 +288,8 @@ class Geometry:
 
     @property
     def no_pressure(self) -> NDArray[np.float64] | None:
-        """Pressures where forces act alone: 0 Pa on each of `surfaces`; None without any."""
-        return np.zeros(len(self.surfaces)) if self.surfaces else None
+        """Amplitudes where forces act alone: 0 of each of `following`; None without any."""
+        return np.zeros(len(self.following)) if self.following else None
 
     @cached_property
     def surface_nodes(self) -> NDArray[np.int64]:

@@ -127,7 +127,7 @@ def correct(
             try:
                 found = stable_state(equilibrium, f, u, start, tolerance, progress)
             except WorkError:
-                if equilibrium.pressure is None:
+                if equilibrium.following is None:
                     raise
                 found = increased(equilibrium, f, tolerance, progress)
     return replace(found, displacement=found.displacement[: equilibrium.nodes])
@@ -160,7 +160,7 @@ def stable_state(
     WorkError
         If no stable equilibrium is found.
     """
-    if equilibrium.pressure is None:
+    if equilibrium.following is None:
         return iterated(equilibrium, f, u, start, tolerance, progress=progress)
     found = iterated(equilibrium, f, u, start, tolerance, STEP_ITERATIONS, progress)
     if equilibrium.response_at(found.displacement) is None:
@@ -181,12 +181,12 @@ def increased(
     WorkError
         If a thousandth of the load has no stable equilibrium next to the last one.
     """
-    pressure = equilibrium.pressure
-    assert pressure is not None
+    following = equilibrium.following
+    assert following is not None
     u, iterations, reached, step = np.zeros_like(f), 0, 0.0, 0.25
     while reached < 1:
         part = min(1.0, reached + step)
-        under, start = equilibrium.under(pressure.scaled(part)), "undeformed body by load steps"
+        under, start = equilibrium.under(following.scaled(part)), "undeformed body by load steps"
         if progress is not None:
             progress.begin(reached, part)
         try:
@@ -218,7 +218,7 @@ def iterated(
     """
     if not isinstance(tolerance, ForceTolerance):
         tolerance = ForceTolerance(absolute=tolerance)
-    r, dead = equilibrium.out_of_balance(u, f), equilibrium.pressure is None
+    r, dead = equilibrium.out_of_balance(u, f), equilibrium.following is None
     load = float(np.linalg.norm(equilibrium.at_rest(f) * equilibrium.free))
     if equilibrium.springs is not None:  # whose forces are not known before
         pushed = equilibrium.springs.forces(u[0])
@@ -320,7 +320,7 @@ def safest_start(equilibrium: Equilibrium, f: Array, predicted: Array) -> tuple[
     held = np.where(equilibrium.free, predicted, 0.0)
     if np.isfinite(held).all() and not equilibrium.inverted(held).any():
         held = equilibrium.relaxed(held, f)
-    if equilibrium.pressure is not None:
+    if equilibrium.following is not None:
         if np.isfinite(held).all() and not equilibrium.inverted(held)[0]:
             step, _ = equilibrium.newton_step(held, equilibrium.out_of_balance(held, f))
             if np.linalg.norm(step) <= np.linalg.norm(linear):

@@ -46,7 +46,7 @@ from shared_schema.common.units import SI, Units
 from surrogate.mechanics.certify.calibrated_range import LEAST_STIFFNESS, CalibratedRange
 from surrogate.mechanics.certify.conformal import conformal_quantile
 from surrogate.mechanics.certify.fast_estimate import FastEstimate
-from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
+from surrogate.mechanics.equilibrium.following_loads import FollowingLoads
 from surrogate.runtime.tensor_file import load_tensors, serialised
 
 ESTIMATE = {"estimate": "conjugate gradients"}  # ratios belong to it
@@ -157,16 +157,16 @@ class FastCertificate:
         predicted: Array,
         truth: Array,
         std: Array | None = None,
-        pressure: FollowerPressure | None = None,
+        following: FollowingLoads | None = None,
     ) -> FastCertificate:
         """Calibrate on samples that were not trained on, (n, n_nodes, d) in N, m, m and m.
 
         Those whose predicted state is not stable are left out, since such states have no bound.
         Forces are dead ones; pressures that follow the surface are given beside them.
         """
-        estimated, rest, softest = estimate.with_stability(force, predicted, pressure)
+        estimated, rest, softest = estimate.with_stability(force, predicted, following)
         stable = softest > LEAST_STIFFNESS
-        pressures = None if pressure is None else pressure.pressures[stable]
+        pressures = None if following is None else following.amplitudes[stable]
         estimated, rest, softest = estimated[stable], rest[stable], softest[stable]
         force, predicted, truth = force[stable], predicted[stable], truth[stable]
         std = None if std is None else std[stable]
@@ -245,7 +245,7 @@ class FastCertificate:
         predicted: Array,
         level: float,
         std: Array | None = None,
-        pressure: FollowerPressure | None = None,
+        following: FollowingLoads | None = None,
     ) -> Bounds:
         """Bound the error of one prediction, or of N.
 
@@ -257,7 +257,7 @@ class FastCertificate:
             Probability 1 − α of each bound.
         std : array of the same shape, optional
             Predicted standard deviations in m, which intervals of single components need.
-        pressure : FollowerPressure, optional
+        following : FollowingLoads, optional
             Pressures of the load cases.
 
         Raises
@@ -267,8 +267,8 @@ class FastCertificate:
         """
         shape = predicted.shape
         f, u = (field.reshape(-1, *field.shape[-2:]) for field in (forces, predicted))
-        error, rest, softest = self.estimate.with_stability(f, u, pressure)
-        reasons = self.refusals(f, u, error, softest, pressure)
+        error, rest, softest = self.estimate.with_stability(f, u, following)
+        reasons = self.refusals(f, u, error, softest, following)
         refused = np.array([reason is not None for reason in reasons], dtype=bool)
         found: dict[str, Any] = {
             name: np.where(refused, np.inf, bound).reshape(shape[:-2])
@@ -288,13 +288,13 @@ class FastCertificate:
         predicted: Array,
         error: Array,
         softest: Array,
-        pressure: FollowerPressure | None = None,
+        following: FollowingLoads | None = None,
     ) -> tuple[str | None, ...]:
         """Say of each prediction why it has no bound, as `CalibratedRange.refusals`."""
         if self.calibrated is None:
             return (NO_RANGE,) * len(force)
         body = self.estimate.loadable, self.estimate.units
-        pressures = None if pressure is None else pressure.pressures
+        pressures = None if following is None else following.amplitudes
         nodal = force[:, : predicted.shape[1]]
         return self.calibrated.refusals(nodal, predicted, error, softest, *body, pressures)
 
@@ -304,7 +304,7 @@ class FastCertificate:
         predicted: Array,
         truth: Array,
         std: Array | None = None,
-        pressure: FollowerPressure | None = None,
+        following: FollowingLoads | None = None,
     ) -> dict[str, Any]:
         """Coverage of the bounds on other samples, and their median ratio to the true error.
 
@@ -312,8 +312,8 @@ class FastCertificate:
         is left out. `refused` is the share of the samples that have no bound; coverage is that of
         the product of factor and estimate for all of them.
         """
-        error, rest, softest = self.estimate.with_stability(force, predicted, pressure)
-        refusals = self.refusals(force, predicted, error, softest, pressure)
+        error, rest, softest = self.estimate.with_stability(force, predicted, following)
+        refusals = self.refusals(force, predicted, error, softest, following)
         true_error = predicted - truth
         true = sizes(true_error)
         content: dict[str, Any] = {"samples": len(self.ratios["mean"])}

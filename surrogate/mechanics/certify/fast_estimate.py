@@ -41,7 +41,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surrogate.mechanics.descent.driven_body import DrivenBody
-from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
+from surrogate.mechanics.equilibrium.following_loads import FollowingLoads
 
 Array = NDArray[np.float64]
 STEPS = 2
@@ -62,7 +62,7 @@ class FastEstimate:
         self.loadable, self.units = self.equilibrium.geometry.loadable, self.equilibrium.units
 
     def __call__(
-        self, forces: Array, predicted: Array, pressure: FollowerPressure | None = None
+        self, forces: Array, predicted: Array, following: FollowingLoads | None = None
     ) -> Array:
         """Estimate the predicted minus the true displacement in m: (N, n_nodes, d) → same.
 
@@ -72,16 +72,16 @@ class FastEstimate:
             Dead loads in N (`surrogate.mechanics.equilibrium.quadratic`).
         predicted : array, (N, n_nodes, d)
             Displacements in m. What is predicted for clamped nodes is wholly an error.
-        pressure : FollowerPressure, optional
+        following : FollowingLoads, optional
             Pressures of the N load cases.
         """
-        return self.with_stability(forces, predicted, pressure, judged=False)[0]
+        return self.with_stability(forces, predicted, following, judged=False)[0]
 
     def with_stability(
         self,
         forces: Array,
         predicted: Array,
-        pressure: FollowerPressure | None = None,
+        following: FollowingLoads | None = None,
         judged: bool = True,
     ) -> tuple[Array, Array, Array]:
         """Estimate the errors as a call does, and judge the stability of the predicted states.
@@ -103,7 +103,7 @@ class FastEstimate:
         softest, nodes = np.full(len(predicted), -np.inf), predicted.shape[1]
         for row, (load, u) in enumerate(zip(forces, predicted, strict=True)):
             one = slice(row, row + 1)
-            body = self.body.under(None if pressure is None else pressure[one])
+            body = self.body.under(None if following is None else following[one])
             (f,), (held,) = body.equilibrium.posed(load[None], u[None])
             state = body.state(held, f)
             if state is None:

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.units import SI, Units
 from surrogate.mechanics.certify.correction import damped, searched
-from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
+from surrogate.mechanics.equilibrium.following_loads import FollowingLoads
 from surrogate.mechanics.equilibrium.newton_steps import norms
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 
@@ -132,7 +132,7 @@ def certify(
     equilibrium: Equilibrium,
     forces: Array,
     predicted: Array,
-    pressure: FollowerPressure | None = None,
+    following: FollowingLoads | None = None,
 ) -> Certificate:
     """Estimate the errors of predictions.
 
@@ -142,14 +142,14 @@ def certify(
     forces, predicted : array, (n_nodes, d) or (N, n_nodes, d)
         Dead loads in N, those between the nodes after the nodal ones, and predicted displacements
         in m. What is predicted for clamped nodes is wholly an error.
-    pressure : FollowerPressure, optional
+    following : FollowingLoads, optional
         Pressures of every load case.
     """
     f, u = (fields.reshape(-1, *fields.shape[-2:]) for fields in (forces, predicted))
     together = [(equilibrium, slice(None))]
-    if pressure is not None:
+    if following is not None:
         rows = [slice(row, row + 1) for row in range(max(1, len(u)))]
-        together = [(equilibrium.under(pressure[row]), row) for row in rows]
+        together = [(equilibrium.under(following[row]), row) for row in rows]
     parts = zip(*(_certified(body, f[row], u[row]) for body, row in together), strict=True)
     shape = predicted.shape[:-2]
     joined: list[Any] = [np.concatenate(part) for part in parts]
@@ -190,7 +190,7 @@ def _settled(equilibrium: Equilibrium, f: Array, u: Array) -> tuple[Array, NDArr
         for row, step in zip(going[~contracts], found.steps[~contracts], strict=True):
             one = slice(row, row + 1)
             r = equilibrium.out_of_balance(truth[one], f[one])
-            if equilibrium.pressure is None:
+            if equilibrium.following is None:
                 advanced = searched(equilibrium, f[one], truth[one], r, step[None])
             else:
                 advanced = damped(equilibrium, f[one], truth[one], r)

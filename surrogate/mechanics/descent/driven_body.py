@@ -15,7 +15,7 @@ from shared_schema.common.bodies.equilibrium import ForceTolerance
 from surrogate.mechanics.compiled.solid import CompiledSolid
 from surrogate.mechanics.descent.carried_compliance import CarriedCompliance
 from surrogate.mechanics.descent.soft_modes import Softening, least_eigenvalue, soft_modes
-from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
+from surrogate.mechanics.equilibrium.following_loads import FollowingLoads
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 
 Array = NDArray[np.float64]
@@ -76,11 +76,11 @@ class DrivenBody:
         """Its elements."""
         return self.equilibrium.solid.compiled
 
-    def under(self, pressure: FollowerPressure | None) -> DrivenBody:
+    def under(self, following: FollowingLoads | None) -> DrivenBody:
         """Return the same body, under the pressures of one load case as well."""
-        if pressure is None:
+        if following is None:
             return self
-        return replace(self, equilibrium=self.equilibrium.under(pressure))
+        return replace(self, equilibrium=self.equilibrium.under(following))
 
     def state(self, u: Array, force: Array) -> State | None:
         """State of a displacement under dead forces in N, (n_points, d) each.
@@ -97,7 +97,7 @@ class DrivenBody:
 
     def is_dead(self) -> bool:
         """Whether the forces of loads do not follow it, nor points between its nodes."""
-        return self.equilibrium.points is None and self.equilibrium.pressure is None
+        return self.equilibrium.points is None and self.equilibrium.following is None
 
     def softest(self, state: State, force: Array) -> float:
         """θ of a state under dead forces in N, (n_points, d): by products where stresses soften."""

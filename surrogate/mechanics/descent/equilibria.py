@@ -135,7 +135,7 @@ def is_stable(directions: Directions, state: State) -> Asking[bool]:
     Under pressures, which make it unsymmetric, its symmetric part is factorised.
     """
     body, force = directions.body, directions.force
-    if body.equilibrium.pressure is not None:
+    if body.equilibrium.following is not None:
         return body.equilibrium.response_at(state.u) is not None
     r = np.random.default_rng(0).standard_normal(force.shape) * body.equilibrium.free
     p = z = -(yield from directions.asking(state, r))

@@ -8,7 +8,7 @@ at the free degrees of freedom; held ones do not move. Equilibrium is r = 0, and
 of Newton's method towards it. Where K is not positive definite, δ is computed with K + τ K(0)
 instead, with the first :math:`τ = 0.1 · 4^k` that is sufficient, so that Π decreases along δ.
 
-Under pressures that follow the surface (`surrogate.mechanics.equilibrium.follower_pressure`),
+Under loads that follow the body (`surrogate.mechanics.equilibrium.following_loads`),
 
 .. math:: r(u) = f_{int}(u) - f - f_p(u), \qquad K = \frac{∂f_{int}}{∂u} - \frac{∂f_p}{∂u}.
 
@@ -37,7 +37,7 @@ from shared_schema.common.units import SI
 from shared_schema.materials import Materials, as_tuple
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.equilibrium import quadratic
-from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
+from surrogate.mechanics.equilibrium.following_loads import FollowingLoads
 from surrogate.mechanics.equilibrium.newton_steps import NewtonSteps
 from surrogate.mechanics.equilibrium.tool_springs import ToolSprings
 from surrogate.mechanics.matrices.factors import Factor, SymmetricFactor, in_single_precision
@@ -86,15 +86,15 @@ class Equilibrium:
         Mean length in m of one edge of the cells.
     rounding : float
         Bound of the rounding error of Π in J: 10 ε (λ + μ) times the body's volume.
-    pressure : FollowerPressure or None
-        Pressures of one load case, which act on all displacements (`under`).
+    following : FollowingLoads or None
+        Those of one load case, which act on all displacements (`under`).
     springs : ToolSprings or None
         Springs to a tool, which push all displacements (`against`).
     units : Units
         Labels of what is computed here, for messages.
     """
 
-    pressure: FollowerPressure | None = None
+    following: FollowingLoads | None = None
     springs: ToolSprings | None = None
 
     def __init__(self, geometry: Geometry, material: Materials, on_points: bool = False) -> None:
@@ -113,14 +113,17 @@ class Equilibrium:
         if isinstance(self.solid, TaylorHoodSolid):
             corners = self.solid.corners.shape[1]
             units = self.cell_size, 2 * moduli  # λ + 2μ or more
-            self.layout = saddle_point_layout(geometry.cells, geometry.held, corners, *units)
+            held, beside = geometry.held, geometry.cable_points
+            self.layout = saddle_point_layout(geometry.cells, held, corners, *units, beside)
         else:
-            self.layout = Layout.of(geometry.coordinates, geometry.cells, geometry.held)
+            mesh = geometry.coordinates, geometry.cells, geometry.held
+            self.layout = Layout.of(*mesh, geometry.cable_points)
 
-    def under(self, pressure: FollowerPressure) -> Equilibrium:
-        """Return equilibria of the same body, under the pressures of one load case as well."""
+    def under(self, following: FollowingLoads) -> Equilibrium:
+        """Return equilibria of the same body, under the following loads of one case as well."""
         body, at = self._same_body(), self.geometry.coordinates  # those of all points
-        body.pressure = replace(pressure, coordinates=at) if pressure.pressures.any() else None
+        acts = following.amplitudes.any()
+        body.following = replace(following, coordinates=at) if acts else None
         return body
 
     def against(self, springs: ToolSprings) -> Equilibrium:
@@ -182,8 +185,8 @@ class Equilibrium:
         return self.interpolated(imperfection((self.nodes, self.geometry.dimension)))
 
     def at_rest(self, f: Array) -> Array:
-        """Forces on the undeformed body, those of pressures too: (N, n_nodes, d) in N → same."""
-        return f if self.pressure is None else f + self.pressure.at_rest
+        """Forces on the undeformed body, those of following loads too: (N, n_nodes, d) in N."""
+        return f if self.following is None else f + self.following.at_rest
 
     def inverted(self, u: Array) -> NDArray[np.int64]:
         """Number of inverted cells, (N,); a cell with a NaN counts as well."""
@@ -206,9 +209,9 @@ class Equilibrium:
         return r
 
     def external(self, u: Array, f: Array) -> Array:
-        """Forces f, and those of pressures and springs on the deformed body, in N."""
-        if self.pressure is not None:
-            f = f + self._pressures_of(u).forces(u)
+        """Forces f, and those of following loads and springs on the deformed body, in N."""
+        if self.following is not None:
+            f = f + self._following_of(u).forces(u)
         return f if self.springs is None else f + [self.springs.forces(each) for each in u]
 
     def inverse_at(
@@ -218,16 +221,16 @@ class Equilibrium:
 
         It takes changes of the forces in N to those of the displacements in m, both (N, n_nodes,
         d). If K(u) is not, it is that of K(u) + τ K(0), with `first_shift` as the first τ; of K(u)
-        itself under pressures.
+        itself under following loads.
         """
         tangent = self._tangent(u)
-        if self.pressure is None:
+        if self.following is None:
             factor: Factor | None = self.layout.factor(tangent)
             stable = factor is not None
             factor = factor or self._shifted(tangent, first_shift)
         else:
-            surfaces = [(facets, k) for _, facets, k in self._pressures_of(u).tangents(u)]
-            factor, stable = self.layout.under_pressure(tangent, surfaces)
+            parts = [(points, k) for _, points, k in self._following_of(u).tangents(u)]
+            factor, stable = self.layout.under_following(tangent, parts)
         return partial(self.solved_by, factor or self.undeformed), stable
 
     def response_at(self, u: Array) -> Callable[[Array], Array] | None:
@@ -353,17 +356,17 @@ class Equilibrium:
         diagonal = self.layout.diagonal(self._at_rest)
         return RoundOff.of(float(np.linalg.norm(diagonal)), diagonal.max(), self.cell_size)
 
-    def _pressures_of(self, u: Array) -> FollowerPressure:
-        """Pressures on every displacement."""
-        assert self.pressure is not None
-        return self.pressure[np.zeros(len(u), dtype=np.int64)]
+    def _following_of(self, u: Array) -> FollowingLoads:
+        """Following loads on every displacement."""
+        assert self.following is not None
+        return self.following[np.zeros(len(u), dtype=np.int64)]
 
     def _tangent(self, u: Array) -> Array:
-        """K(u) of a single displacement without pressures, as `layout` assembles it."""
+        """K(u) of a single displacement without following loads, as `layout` assembles it."""
         tangent = self._tangent_of_solid(u)
         if self.springs is None:
             return tangent
-        return self.layout.with_facets(tangent, *self.springs.tangent(u[0]))
+        return self.layout.with_blocks(tangent, *self.springs.tangent(u[0]))
 
     def _tangent_of_solid(self, u: Array) -> Array:
         return self.layout.assembled(self.solid.compiled.cell_tangents(u))[0]

@@ -40,8 +40,9 @@ SMALL = 1e-9  # of the displacement: a step after which the next one is a roundi
 
 def balanced_between(body: Equilibrium, u: Array, f: Array) -> Array:
     """Move the points between the nodes to their equilibrium, (1, n_points, d)."""
-    held, pressure = body.held_at_nodes, body.pressure
-    pressed = None if pressure is None or pressure.points is None else held.under(pressure)
+    held, following = body.held_at_nodes, body.following
+    between = following is not None and following.points is not None
+    pressed = held.under(following) if between and following is not None else None
     u = held.relaxed(u, f)
     for _ in range(ITERATIONS):
         lowered = lower(held, u, f if pressed is None else pressed.external(u, f))

@@ -87,12 +87,12 @@ class Start:
 
 def joined(loads: list[Load]) -> Load:
     """Some load cases after others of the same body."""
-    known = [each.pressure for each in loads if each.pressure is not None]
+    known = [each.following for each in loads if each.following is not None]
     dead = np.concatenate([each.dead for each in loads])
     if not known:
         return Load(dead)
-    pressures = np.concatenate([each.pressures for each in known])
-    return Load(dead, replace(known[0], pressures=pressures))
+    amplitudes = np.concatenate([each.amplitudes for each in known])
+    return Load(dead, replace(known[0], amplitudes=amplitudes))
 
 
 def likely_candidates(

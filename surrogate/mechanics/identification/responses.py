@@ -88,7 +88,7 @@ class Response:
     def at_rest(self, theta: Array) -> Array:
         """Forces of u(θ) in N, with those of pressures on the undeformed body."""
         load = self.load(theta)
-        return load.dead if load.pressure is None else load.dead + load.pressure.load[0]
+        return load.dead if load.following is None else load.dead + load.following.load[0]
 
     def _seen(self, fields: Array) -> Array:
         nodes = len(fields)
@@ -134,7 +134,7 @@ class ToolResponse(Response):
     def load(self, theta: Array) -> Load:
         """Forces of the tool, and what is known."""
         dead = self._loaded.with_forces(self._frame(theta).force)
-        return Load(dead, self.unknowns.pressures)
+        return Load(dead, self.unknowns.following)
 
     def _frame(self, theta: Array) -> TouchFrame:
         assert self.unknowns.tool is not None
@@ -143,7 +143,7 @@ class ToolResponse(Response):
 
     @property
     def _loaded(self) -> LoadedBody:
-        load = Load(self.unknowns.known, self.unknowns.pressures)
+        load = Load(self.unknowns.known, self.unknowns.following)
         return LoadedBody(self.predictor, load)
 
 
@@ -194,14 +194,14 @@ class EquilibriumResponse(Response):
 
     def _at(self, theta: Array) -> Equilibrium:
         """The body with some moduli under the pressures; that of the last moduli is kept."""
-        pressure = self.load(theta).pressure
+        following = self.load(theta).following
         if not self.unknowns.zones:
-            return self.predictor.body.under(pressure)
+            return self.predictor.body.under(following)
         key = theta[len(theta) - len(self.unknowns.zones) :].tobytes()
         if self._body is None or self._body[0] != key:
             geometry = self.predictor.body.equilibrium.geometry
             self._body = key, Equilibrium(geometry, self._materials(theta))
-        return self._body[1] if pressure is None else self._body[1].under(pressure)
+        return self._body[1] if following is None else self._body[1].under(following)
 
     def _solid(self, theta: Array) -> Solid:
         body = self.predictor.body.equilibrium
@@ -228,10 +228,10 @@ def unit_forces(body: Equilibrium, unknowns: Unknowns, u: Array) -> Array:
         In N, on all points.
     """
     forces = body.forces_at_points(unknowns.patterns)
-    if unknowns.pressures is None:
+    if unknowns.following is None:
         return forces
-    units = replace(unknowns.pressures[slice(1, None)], coordinates=body.geometry.coordinates)
-    pushed = units.forces(np.broadcast_to(u, (len(units.pressures), *u.shape[1:])))
+    units = replace(unknowns.following[slice(1, None)], coordinates=body.geometry.coordinates)
+    pushed = units.forces(np.broadcast_to(u, (len(units.amplitudes), *u.shape[1:])))
     return np.concatenate([forces, pushed])
 
 

@@ -25,7 +25,7 @@ from shared_schema.common.bodies.equilibrium import mean_edge
 from shared_schema.common.errors import InputError
 from shared_schema.tools import Tool
 from surrogate.mechanics.body.geometry import Geometry
-from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
+from surrogate.mechanics.equilibrium.following_loads import FollowingLoads
 from surrogate.mechanics.statics.load import Load, given_load
 
 Array = NDArray[np.float64]
@@ -53,7 +53,7 @@ class Unknowns:
         f₀ in N, with what acts between the nodes after the nodal forces.
     patterns : array, (K, n_nodes or n_points, d)
         b_k: 1 N in all, or those of 1 N/m³.
-    pressures : FollowerPressure or None
+    following : FollowingLoads or None
         Pressures of 1 + Q cases: p₀, and each e_q of 1 Pa. None if none acts.
     moduli : array, (q,)
         E₀ in Pa of every φ that is sought.
@@ -69,7 +69,7 @@ class Unknowns:
     moduli: Array
     zones: tuple[str, ...] = ()
     tool: Tool | None = None
-    pressures: FollowerPressure | None = None
+    following: FollowingLoads | None = None
 
     @classmethod
     def of(
@@ -108,8 +108,8 @@ class Unknowns:
         if tool is not None:
             names = tuple(f"{TOOL} {axis}" for axis in AXES[: geometry.dimension])
             none = np.empty((0, *known.load.shape))
-            of_load = FollowerPressure.of_load(known)
-            return cls(names, known.load, none, np.empty(0), tool=tool, pressures=of_load)
+            of_load = FollowingLoads.of_load(known)
+            return cls(names, known.load, none, np.empty(0), tool=tool, following=of_load)
         if len(set(texts)) < len(texts):
             raise InputError(f"unknown: {', '.join(texts)}: expected each once")
         sought: list[str] = []
@@ -126,7 +126,7 @@ class Unknowns:
                     load.add(f"{text}:{values}", nearest)
                 sought.append(f"{text} {AXES[axis]}")
                 patterns.append(load.load)
-        zones, pressures = zones_of(texts), pressures_of(geometry, texts, known)
+        zones, following = zones_of(texts), pressures_of(geometry, texts, known)
         if YOUNG_MODULUS in texts and not (known.load.any() or known.surfaces):
             raise InputError(
                 "unknown: young-modulus: displacements tell forces over Young's modulus alone, "
@@ -138,7 +138,7 @@ class Unknowns:
             raise InputError("unknown: nothing is sought, expected a place or young-modulus")
         shape = (len(patterns), *known.load.shape)
         stacked = np.array(patterns).reshape(shape)
-        return cls(tuple(sought), known.load, stacked, moduli, zones, pressures=pressures)
+        return cls(tuple(sought), known.load, stacked, moduli, zones, following=following)
 
     @property
     def softens(self) -> bool:
@@ -156,19 +156,19 @@ class Unknowns:
         dead = self.known + np.tensordot(theta[..., :count], self.patterns, axes=1)
         factor = np.exp(-theta[..., -1:]) if self.softens else np.ones(1)
         load = Load(dead * factor[..., None])
-        if self.pressures is None:
+        if self.following is None:
             return load
-        values = self.pressures.pressures
+        values = self.following.amplitudes
         sought = np.atleast_2d(theta)[:, count : count + len(values) - 1]
         pressures = (values[0] + sought @ values[1:]) * factor
-        return replace(load, pressure=replace(self.pressures, pressures=pressures))
+        return replace(load, following=replace(self.following, amplitudes=pressures))
 
     @property
     def at_rest(self) -> tuple[Array, Array]:
         """Known and unit loads on the undeformed body, (*, d) and (K + Q, *, d)."""
-        if self.pressures is None:
+        if self.following is None:
             return self.known, self.patterns
-        loads = self.pressures.load
+        loads = self.following.load
         return self.known + loads[0], np.concatenate([self.patterns, loads[1:]])
 
     def at(self, units: Array, text: str) -> Unknowns:
@@ -198,7 +198,7 @@ def zones_of(texts: Sequence[str]) -> tuple[str, ...]:
 
 def pressures_of(
     geometry: Geometry, texts: Sequence[str], known: CommandLoads
-) -> FollowerPressure | None:
+) -> FollowingLoads | None:
     """Known pressures, and each sought one of 1 Pa, as load cases; None if there are none."""
     groups = [text.removeprefix(PRESSURE) for text in texts if text.startswith(PRESSURE)]
     for group in groups:
@@ -211,12 +211,12 @@ def pressures_of(
     both = CommandLoads(geometry.loaded_body)
     both.surfaces = [*known.surfaces, *units.surfaces]
     both.pressures = [*known.pressures, *units.pressures]
-    found = FollowerPressure.of_load(both)
+    found = FollowingLoads.of_load(both)
     if found is None:
         return None
     values = np.eye(1 + len(groups), len(both.pressures), len(known.pressures) - 1)
     values[0] = [*known.pressures, *(0.0 for _ in groups)]
-    return replace(found, pressures=values)
+    return replace(found, amplitudes=values)
 
 
 def is_somewhere(text: str) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -52,6 +52,8 @@ class Layout:
         Number of negative eigenvalues that a matrix has if its K is positive definite.
     units : array, (m, m), optional
         Factors on the entries of a cell's matrix.
+    beside : sequence of array of int, (n, k)
+        Unknowns of other matrices that are added to tangents, those of cables.
 
     Attributes
     ----------
@@ -70,7 +72,9 @@ class Layout:
         displacements: int | None = None,
         negative: int = 0,
         units: Array | None = None,
+        beside: Sequence[Numbers] = (),
     ) -> None:
+        self._beside = beside
         self.width, self._cells, self._size = width, cells, len(order)
         self._negative, self._units = negative, units
         self._row = np.full(size, -1)
@@ -81,7 +85,13 @@ class Layout:
         self.dofs = order[self._rows_of_displacements]
 
     @classmethod
-    def of(cls, coordinates: Array, cells: Numbers, held: NDArray[np.bool_]) -> Layout:
+    def of(
+        cls,
+        coordinates: Array,
+        cells: Numbers,
+        held: NDArray[np.bool_],
+        beside: Sequence[Numbers] = (),
+    ) -> Layout:
         """Layout of K, as a band unless that would be large.
 
         Parameters
@@ -91,15 +101,20 @@ class Layout:
         cells : array of int, (n_cells, n_corners)
         held : array of bool, (n_nodes, m)
             Components that are no degrees of freedom; m is d for displacements, 1 for scalars.
+        beside : sequence of array of int, (n, k)
+            Nodes of other matrices that are added to K.
         """
-        numbers = (cells[:, :, None] * held.shape[1] + np.arange(held.shape[1])).reshape(
-            len(cells), -1
-        )
+        m = held.shape[1]
+        numbers, others = unknowns_of(cells, m), [unknowns_of(nodes, m) for nodes in beside]
         dofs, width = band_order(coordinates, cells, held)
+        row = np.full(held.size, -1)
+        row[dofs] = np.arange(len(dofs))
+        for rows in (row[other[row[other] >= 0]] for other in others):
+            width = max(width, int(np.ptp(rows)) if len(rows) else 0)
         if len(dofs) * (width + 1) <= MOST:
-            return cls(numbers, dofs, held.size, width)
+            return cls(numbers, dofs, held.size, width, beside=others)
         dofs = np.flatnonzero(~held) if has_pardiso() else dofs_of_least_degree(cells, held)
-        return cls(numbers, dofs, held.size)
+        return cls(numbers, dofs, held.size, beside=others)
 
     def assembled(self, cell_matrices: Tensor) -> list[Array]:
         """Add cell matrices (N, n_cells, m, m) into N tangents."""
@@ -132,15 +147,15 @@ class Layout:
         factor = None if lu is None else SparseFactor(lu, matrix, displacements)
         return factor if factor is not None and factor.is_accurate() else None
 
-    def under_pressure(
-        self, tangent: Array, surfaces: Iterable[tuple[Numbers, Array]]
+    def under_following(
+        self, tangent: Array, parts: Iterable[tuple[Numbers, Array]]
     ) -> tuple[Factor | None, bool]:
-        """Factorise a tangent with matrices of facets; say whether its symmetric part is definite.
+        """Factorise a tangent with those of following loads; say if its symmetric part is definite.
 
         None if it is singular.
         """
-        for facets, blocks in surfaces:
-            tangent = self.with_facets(tangent, facets, blocks)
+        for points, blocks in parts:
+            tangent = self.with_blocks(tangent, points, blocks)
         column, row = np.divmod(self._entries, self._size)
         mirrored = np.searchsorted(self._entries, row * self._size + column)
         stable = self.factor((tangent + tangent[mirrored]) / 2) is not None
@@ -165,12 +180,11 @@ class Layout:
         stiffer[self._diagonal] += springs
         return stiffer
 
-    def with_facets(self, tangent: Array, facets: Numbers, blocks: Array) -> Array:
-        """The tangent with matrices of facets or nodes, (n_facets, m, m)."""
-        if len(facets) == 0:
+    def with_blocks(self, tangent: Array, points: Numbers, blocks: Array) -> Array:
+        """The tangent with matrices of some points each, (n, k) and (n, k d, k d)."""
+        if len(points) == 0:
             return tangent
-        d = blocks.shape[1] // facets.shape[1]
-        numbers = (facets[:, :, None] * d + np.arange(d)).reshape(len(facets), -1)
+        numbers = unknowns_of(points, blocks.shape[1] // points.shape[1])
         kept, entries = self._kept_entries(numbers)
         found = tangent.copy()
         np.add.at(found, np.searchsorted(self._entries, entries), blocks.ravel()[kept])
@@ -186,7 +200,8 @@ class Layout:
     @cached_property
     def _entries(self) -> Numbers:
         """Places of a tangent's values, column · n + row, ascending."""
-        return np.unique(self._kept_entries(self._cells)[1])
+        of_all = [self._kept_entries(numbers)[1] for numbers in (self._cells, *self._beside)]
+        return np.unique(np.concatenate(of_all))
 
     @cached_property
     def _kept_and_places(self) -> tuple[Numbers, Numbers]:
@@ -206,3 +221,8 @@ class Layout:
     def _diagonal(self) -> Numbers:
         rows = self._rows_of_displacements
         return np.searchsorted(self._entries, rows * (self._size + 1))
+
+
+def unknowns_of(points: Numbers, m: int) -> Numbers:
+    """Unknowns of points, point · m + component: (n, k) → (n, k · m)."""
+    return np.asarray((points[:, :, None] * m + np.arange(m)).reshape(len(points), -1))

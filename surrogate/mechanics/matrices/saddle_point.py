@@ -17,11 +17,13 @@ by the error of a solution. θ and p have lengths as units, as in `datagen.solve
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from surrogate.mechanics.matrices.factors import of_least_degree
-from surrogate.mechanics.matrices.layout import Layout
+from surrogate.mechanics.matrices.layout import Layout, unknowns_of
 
 
 def saddle_point_layout(
@@ -30,6 +32,7 @@ def saddle_point_layout(
     corners: int,
     cell_size: float,
     modulus: float,
+    beside: Sequence[NDArray[np.int64]] = (),
 ) -> Layout:
     """Lay out the unknowns of a body in its sparse tangents.
 
@@ -43,11 +46,13 @@ def saddle_point_layout(
         Number of corners of a cell.
     cell_size, modulus : float
         Units: θ = 1 + t / h, p = q · modulus / h with t and q in m; in m and Pa.
+    beside : sequence of array of int, (n, k)
+        Points of other matrices that are added to K.
     """
     points, d = held.shape
     nodes = int(cells[:, :corners].max()) + 1
     of_nodes = points * d + cells[:, :corners]
-    displacements = (cells[:, :, None] * d + np.arange(d)).reshape(len(cells), -1)
+    displacements = unknowns_of(cells, d)
     numbers = np.concatenate([displacements, of_nodes, of_nodes + nodes], axis=1)
     units = np.ones(numbers.shape[1])
     units[-2 * corners :] = 1 / cell_size
@@ -64,4 +69,5 @@ def saddle_point_layout(
         displacements=points * d,
         negative=nodes,
         units=np.outer(units, units),
+        beside=[unknowns_of(points_of, d) for points_of in beside],
     )

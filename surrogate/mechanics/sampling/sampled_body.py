@@ -38,7 +38,7 @@ from surrogate.mechanics.body.elements_of_case import loads_of_before
 from surrogate.mechanics.certify.correction import correct
 from surrogate.mechanics.descent.directions import Asking
 from surrogate.mechanics.descent.equilibria import Equilibrated, equilibria, sought
-from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
+from surrogate.mechanics.equilibrium.following_loads import FollowingLoads
 from surrogate.mechanics.series.body_series import BodySeries
 from surrogate.mechanics.statics.body import Body
 from surrogate.mechanics.statics.load import Load
@@ -174,8 +174,7 @@ class SampledBody:
         if not self.loads.surfaces:
             return Load(dead)
         pressures = np.stack([each.pressures for each in drawn])
-        on = body.coordinates, body.surfaces, pressures, body.pressed_points
-        return Load(dead, FollowerPressure.on(*on))
+        return Load(dead, FollowingLoads.of(body, pressures))
 
     def of_shape(self, values: Array) -> SampledBody:
         """The body in the shape of some parameters, (n_parameters,)."""
@@ -214,7 +213,7 @@ class SampledBody:
             some = loads[start : start + PREDICTED]
             for row, predicted in enumerate(series.respond(some)[0]):
                 load = some[row]
-                body = self.body.driven_body.under(load.pressure)
+                body = self.body.driven_body.under(load.following)
                 yield sought(body, load.dead, predicted, self._tolerance)
 
     def _result(
@@ -223,7 +222,7 @@ class SampledBody:
         """What directions have found, or else a correction."""
         began, grip = time.perf_counter(), None if drawn.is_dead else self._no_grip
         if found is None:
-            predicted, body = self._series.respond(load)[0], self.body.under(load.pressure)
+            predicted, body = self._series.respond(load)[0], self.body.under(load.following)
             try:
                 by = correct(body, load.dead, predicted, self._tolerance)
             except WorkError as error:

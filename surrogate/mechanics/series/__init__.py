@@ -4,7 +4,7 @@ r"""The load series: displacements of a body as a series in the load.
 
 `body_series` is that of any material, element and load, on any device, in exported files and with
 gradients, from the terms of the stress
-(`surrogate.mechanics.solids.stress_path`) and of pressures in `pressure_terms`,
+(`surrogate.mechanics.solids.stress_path`) and of pressures in `following_terms`,
 with the `weights` nearest to equilibrium. Modules named ``compiled_…`` compute the same under dead
 loads, in loops that Numba compiles. `series_response` is the response on the grid, for networks.
 """

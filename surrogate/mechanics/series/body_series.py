@@ -1,6 +1,6 @@
 r"""The load series of any body: displacements as combinations of the terms of a power series.
 
-Under s times a load, dead forces f and pressures that follow the surface,
+Under s times a load, dead forces f and others that follow the body,
 
 .. math::
     u(s) = \sum_k s^k u_k, \qquad K u_1 = f + f_{p,1}, \qquad
@@ -8,7 +8,7 @@ Under s times a load, dead forces f and pressures that follow the surface,
 
 with the stiffness K of the undeformed body, the part P̂ₖ of the k-th term of the stress that
 follows from those before (`surrogate.mechanics.solids.stress_path`), and the terms of the
-pressures' forces (`surrogate.mechanics.series.pressure_terms`). The prediction is the combination
+following forces (`surrogate.mechanics.series.following_terms`). The prediction is the combination
 :math:`\sum_k c_k u_k` that is nearest to equilibrium (`surrogate.mechanics.series.weights`).
 
 Terms are in double precision, on any device, with gradients, and in exported files. On a CPU
@@ -26,9 +26,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
+from surrogate.mechanics.equilibrium.following_loads import FollowingLoads
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
-from surrogate.mechanics.series.pressure_terms import PressedFacets
+from surrogate.mechanics.series.following_terms import FollowingTerms
 from surrogate.mechanics.series.weights import Weights
 from surrogate.mechanics.solids.stress_path import StressPath
 
@@ -109,7 +109,7 @@ class BodySeries(nn.Module):
 
     @torch.no_grad()
     def predicted(
-        self, forces: Array, pressure: FollowerPressure | None = None
+        self, forces: Array, following: FollowingLoads | None = None
     ) -> tuple[Array, Array]:
         """Predict displacements of arrays, and tell how much the last term changes them.
 
@@ -117,8 +117,8 @@ class BodySeries(nn.Module):
         ----------
         forces : array, (N, n_points, d)
             Dead ones in N.
-        pressure : FollowerPressure, optional
-            Pressures of the N load cases.
+        following : FollowingLoads, optional
+            Those of the N load cases.
 
         Returns
         -------
@@ -128,26 +128,26 @@ class BodySeries(nn.Module):
             Largest displacement of a point in the last term in m.
         """
         device = self.solid.volumes.device
-        facets, pressures = PressedFacets.of(pressure, device)
-        if facets is None and self.compiled and self.is_compiled and device.type == "cpu":
+        units, amplitudes = FollowingTerms.of(following, device)
+        if units is None and self.compiled and self.is_compiled and device.type == "cpu":
             return self._of_forces(forces)
-        first = self.first(torch.from_numpy(forces).to(device), facets, pressures)
-        beyond, last = self(first, facets, pressures)
+        first = self.first(torch.from_numpy(forces).to(device), units, amplitudes)
+        beyond, last = self(first, units, amplitudes)
         return (first + beyond).cpu().numpy(), last.norm(dim=2).amax(1).cpu().numpy()
 
     def first(
-        self, forces: Tensor, facets: PressedFacets | None = None, pressures: Tensor | None = None
+        self, forces: Tensor, units: FollowingTerms | None = None, amplitudes: Tensor | None = None
     ) -> Tensor:
-        """u₁ in m, of dead forces in N and pressures as of a call."""
-        if facets is not None and pressures is not None:
-            forces = forces + facets.term(pressures, [])
+        """u₁ in m, of dead forces in N and following loads as of a call."""
+        if units is not None and amplitudes is not None:
+            forces = forces + units.term(amplitudes, [])
         return self._respond(forces)
 
     def forward(
         self,
         first: Tensor,
-        facets: PressedFacets | None = None,
-        pressures: Tensor | None = None,
+        units: FollowingTerms | None = None,
+        amplitudes: Tensor | None = None,
     ) -> tuple[Tensor, Tensor]:
         """Response beyond u₁, and its last term cₙ uₙ, of u₁: in m.
 
@@ -155,33 +155,33 @@ class BodySeries(nn.Module):
         ----------
         first : Tensor, (N, n_points, d)
             Response to all forces on the undeformed body.
-        facets : PressedFacets, optional
-            Facets with pressures that follow them.
-        pressures : Tensor, (N, n_surfaces), optional
-            In Pa.
+        units : FollowingTerms, optional
+            Loads that follow the body.
+        amplitudes : Tensor, (N, n), optional
+            Theirs in Pa or N.
         """
         if torch.compiler.is_compiling():  # of an exported file
-            return self._beyond(first, facets, pressures)
+            return self._beyond(first, units, amplitudes)
         tracked = torch.is_grad_enabled() and first.requires_grad
         by_loops = self.compiled and self.is_compiled and first.device.type == "cpu"
-        if by_loops and pressures is None and not tracked:
+        if by_loops and amplitudes is None and not tracked:
             of_loops = self.loops(np.asarray(first.detach().numpy(), self._precision, "C"))
             beyond, last = (torch.from_numpy(each).to(first.dtype) for each in of_loops)
             return beyond, last
         most = AT_ONCE if first.device.type == "cpu" else AT_ONCE_ON_GPU
         parts = max(1, -(-len(first) * self._values // most))
-        of_parts = pressures.chunk(parts) if pressures is not None else [None] * parts
+        of_parts = amplitudes.chunk(parts) if amplitudes is not None else [None] * parts
         found = [
-            self._beyond(part, facets, of_part)
+            self._beyond(part, units, of_part)
             for part, of_part in zip(first.chunk(parts), of_parts, strict=False)
         ]
         every, lasts = zip(*found, strict=True)
         return torch.cat(every), torch.cat(lasts)
 
     def _beyond(
-        self, first: Tensor, facets: PressedFacets | None, pressures: Tensor | None
+        self, first: Tensor, units: FollowingTerms | None, amplitudes: Tensor | None
     ) -> tuple[Tensor, Tensor]:
-        terms, c = self.combination(first, facets, pressures)
+        terms, c = self.combination(first, units, amplitudes)
         last = c[:, -1, None, None] * terms[-1]
         beyond = (c[:, 0, None, None] - 1) * terms[0]
         for k, term in enumerate(terms[1:], 1):
@@ -191,23 +191,23 @@ class BodySeries(nn.Module):
     def combination(
         self,
         first: Tensor,
-        facets: PressedFacets | None = None,
-        pressures: Tensor | None = None,
+        units: FollowingTerms | None = None,
+        amplitudes: Tensor | None = None,
     ) -> tuple[list[Tensor], Tensor]:
         """Terms in m, (N, n_points, d), and their weights, (N, n), of u₁."""
-        u, h = self.terms(first, facets, pressures)
-        pressed = None
-        if facets is not None and pressures is not None:
-            pressed = facets.works(pressures, u)
-        c = self._weights(h, pressed)
+        u, h = self.terms(first, units, amplitudes)
+        works = None
+        if units is not None and amplitudes is not None:
+            works = units.works(amplitudes, u)
+        c = self._weights(h, works)
         is_small = h[:, :, 0].abs().amax((0, 1, 2, 4)) <= SMALL
         return u, torch.where(is_small[:, None], torch.ones_like(c), c)
 
     def terms(
         self,
         first: Tensor,
-        facets: PressedFacets | None = None,
-        pressures: Tensor | None = None,
+        units: FollowingTerms | None = None,
+        amplitudes: Tensor | None = None,
     ) -> tuple[list[Tensor], Tensor]:
         """u₁, u₂, … in m, (N, n_points, d), and gradients (d, d, n, n_cells, N, n_points), of u₁.
 
@@ -218,8 +218,8 @@ class BodySeries(nn.Module):
         while len(u) < self.order:
             path.add(slopes[-1])
             forces = -solid.forces_of(path.next_stress()[:, :, 0])
-            if facets is not None and pressures is not None:
-                forces = forces + facets.term(pressures, u)
+            if units is not None and amplitudes is not None:
+                forces = forces + units.term(amplitudes, u)
             u.append(self._respond(forces.to(first.dtype)).double())
             slopes.append(solid.slopes(u[-1])[:, :, None])
         return u, torch.cat(slopes, 2)

@@ -20,14 +20,15 @@ import torch
 from scipy.sparse import csr_array, eye
 from torch import Tensor
 
+from shared_schema.common.bodies.following_loads import PressedSurface
 from shared_schema.materials import Materials
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.equilibrium.compliance import Compliance
-from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
+from surrogate.mechanics.equilibrium.following_loads import FollowingLoads
 from surrogate.mechanics.equilibrium.linear_response import LinearResponse
 from surrogate.mechanics.matrices.sparse_products import WeightedSums
 from surrogate.mechanics.series.body_series import BodySeries
-from surrogate.mechanics.series.pressure_terms import PressedFacets
+from surrogate.mechanics.series.following_terms import FollowingTerms
 
 ROUNDING = 1e-4  # of a force that is told from that of a pressure, relative
 LEAST_AREA = 1e-3  # of the largest one of a node, in tellings of pressures
@@ -97,8 +98,8 @@ class SeriesResponse(LinearResponse):
         if self.pressed is not None:
             nodal, pressures = self.pressed.told_apart(nodal.double())
         acting = nodal if self.on_points is None else self.on_points(nodal.double())
-        facets = None if self.pressed is None else self.pressed.facets
-        first = self.series.first(acting.to(self.precision).mT, facets, pressures)
+        units = None if self.pressed is None else self.pressed.units
+        first = self.series.first(acting.to(self.precision).mT, units, pressures)
         return first.mT, pressures
 
     def on_grid(self, first: Tensor, pressures: Tensor | None = None) -> tuple[Tensor, Tensor]:
@@ -110,8 +111,8 @@ class SeriesResponse(LinearResponse):
 
     def beyond_first(self, first: Tensor, pressures: Tensor | None = None) -> tuple[Tensor, Tensor]:
         """Response beyond u₁, and its last term, in m, of u₁: (N, d, n_points) each."""
-        facets = None if self.pressed is None else self.pressed.facets
-        beyond, last = self.series(first.mT, facets, pressures)
+        units = None if self.pressed is None else self.pressed.units
+        beyond, last = self.series(first.mT, units, pressures)
         return beyond.mT, last.mT
 
     def _respond_at_points(self, forces: Tensor) -> Tensor:
@@ -139,9 +140,10 @@ class PressedLoads(torch.nn.Module):
     ) -> None:
         super().__init__()
         surfaces, count = geometry.surfaces, len(geometry.surfaces)
-        self.facets = PressedFacets(coordinates, surfaces)
+        of_surfaces = [PressedSurface(facets) for facets in surfaces]
+        self.units = FollowingTerms(coordinates, of_surfaces)
         points = geometry.pressed_points
-        units = FollowerPressure.on(geometry.coordinates, surfaces, np.eye(count), points)
+        units = FollowingLoads.on(geometry.coordinates, of_surfaces, np.eye(count), points)
         loads = units.load[:, : len(geometry.coordinates)] * geometry.free
         on_grid = torch.from_numpy(np.stack([geometry.grid.forces_to_grid(f) for f in loads]))
         areas = response.to_nodes(on_grid.flatten(2).float()).double()

@@ -4,17 +4,17 @@ r"""The combination of the terms of a series that is nearest to equilibrium.
     u = \sum_{k=1}^n c_k u_k, \qquad g_k(c) = u_k · r(u) = \sum_q w_q P_q : H_{k,q}
     - (f + f_p(u)) · u_k = 0, \qquad \frac{∂g_k}{∂c_l} = \sum_q w_q δP_q(H_l) : H_{k,q} - …
 
-with the dead forces f, the forces :math:`f_p` of pressures that follow the surface, and the changes
-δP of the stress (`surrogate.mechanics.solids.stress_path`). All cₖ = 1 give the sum of the series,
+with the dead forces f, the forces :math:`f_p` of loads that follow the body, and the changes δP of
+the stress (`surrogate.mechanics.solids.stress_path`). All cₖ = 1 give the sum of the series,
 which converges slowly under large loads, if at all. What the terms span is much better than their
 sum: it is the reduced basis of A. K. Noor and J. M. Peters (*Reduced basis technique for nonlinear
 analysis of structures*, AIAA Journal 18, 1980). Since :math:`K u_1 = f + f_p(0)`, the works of
 these forces are the first column of the derivative at rest.
 
-Without pressures the combination is that of least potential energy Π. Newton's method finds it,
+Under dead loads the combination is that of least potential energy Π. Newton's method finds it,
 from terms that fade where they do not decrease, under half of the load as long as Π is infinite
 there. A step that raises Π is not taken; the next one is tried with a larger shift of the
-derivative (Levenberg, Marquardt). Under pressures there is no Π, and a step is taken if the
+derivative (Levenberg, Marquardt). Under others no Π is used, and a step is taken if the
 simplified step from its end is no longer (Deuflhard 2004, Section 3.3). This is for batches of
 loads, in double precision, on any device and in exported files;
 `surrogate.mechanics.series.compiled_weights` does the same for one.
@@ -34,6 +34,7 @@ from torch import Tensor, nn
 from torch._higher_order_ops.while_loop import while_loop_op  # not public yet
 from torch.func import functional_call
 
+from surrogate.mechanics.series.following_terms import Works
 from surrogate.mechanics.solids.solid import Solid
 from surrogate.mechanics.solids.stress_path import StressPath
 from surrogate.runtime.cuda_graphs import Replayed
@@ -53,7 +54,7 @@ class Search(NamedTuple):
     ----------
     c : Tensor, (N, n)
     energy : Tensor, (N,)
-        Π in J, without its meaning under pressures; +∞ where a cell is inverted.
+        Π in J, without its meaning under following loads; +∞ where a cell is inverted.
     gradient, hessian : Tensor, (N, n), (N, n, n)
         g and its derivative.
     shift : Tensor, (N,)
@@ -92,19 +93,26 @@ class Terms(NamedTuple):
         Σ w μ Hₖ : Hₖ in J, with the shear moduli at rest.
     works : Tensor, (N, n)
         (f + f_p(0)) · uₖ in J.
-    pressed : Tensor, (N, n + 1, n + 1, n), or None
-        Works of pressures (`surrogate.mechanics.series.pressure_terms.PressedFacets.works`).
+    pressed, legs, tensions : Tensor or None
+        Of `surrogate.mechanics.series.following_terms.Works`.
     """
 
     h: Tensor
     stiffness: Tensor
     works: Tensor
     pressed: Tensor | None = None
+    legs: Tensor | None = None
+    tensions: Tensor | None = None
+
+    @property
+    def following(self) -> Works | None:
+        """Works of following loads; None under dead ones."""
+        return None if self.pressed is None else Works(self.pressed, self.legs, self.tensions)
 
     def some(self, rows: Tensor) -> Terms:
         """Return those of some loads of the batch."""
-        pressed = None if self.pressed is None else self.pressed[rows]
-        return Terms(self.h[..., rows, :], self.stiffness[rows], self.works[rows], pressed)
+        rest = (None if each is None else each[rows] for each in self[1:])
+        return Terms(self.h[..., rows, :], *rest)  # type: ignore[arg-type]
 
 
 class Weights:
@@ -124,13 +132,13 @@ class Weights:
         self._moduli = solid.moduli_of_cells()[:, None, None]
         self._stiffness = float((self._moduli[:, 0] * solid.volumes.cpu()).sum())
 
-    def __call__(self, h: Tensor, pressed: Tensor | None = None) -> Tensor:
+    def __call__(self, h: Tensor, following: Works | None = None) -> Tensor:
         """Return the coefficients c, (N, n), of what `Terms` holds.
 
         Loads leave the batch after their last step. In an exported file, all go on until the last
         one has taken its own.
         """
-        terms = self.terms(h, pressed)
+        terms = self.terms(h, following)
         if torch.compiler.is_compiling():  # an exported file
             return self._in_file(terms)
         with torch.no_grad():
@@ -143,13 +151,13 @@ class Weights:
         scale = self._scale(terms).detach()
         return c - scale * solved(_scaled(hessian, scale, SMALLEST_SHIFT), gradient * scale)
 
-    def terms(self, h: Tensor, pressed: Tensor | None = None) -> Terms:
+    def terms(self, h: Tensor, following: Works | None = None) -> Terms:
         """Find the works of the forces, and the stiffness of the terms."""
         volumes = self.solid.volumes[:, None]
         change = volumes * StressPath(self.solid).along(h[:, :, :1])
         weights = self._moduli.to(volumes) * volumes
         works = (change * h).sum((0, 1, 3, 5)).T
-        return Terms(h, (weights * h * h).sum((0, 1, 3, 5)).T, works, pressed)
+        return Terms(h, (weights * h * h).sum((0, 1, 3, 5)).T, works, *(following or ()))
 
     def at(self, c: Tensor, terms: Terms, curved: bool = True) -> tuple[Tensor, Tensor, Tensor]:
         """Return Π, g and its derivative: (N,), (N, n), (N, n, n); the last one if `curved`."""
@@ -161,13 +169,10 @@ class Weights:
         rows = torch.cat([path.stress, path.along(h)], 2) if curved else path.stress
         both = torch.einsum("ijlcnq,ijkcnq->nkl", volumes * rows, h)
         gradient, hessian = both[..., 0] - terms.works, both[..., 1:]
-        if terms.pressed is not None:
-            p, one = terms.pressed, torch.ones_like(c[:, :1])
-            moved = torch.cat([one, c], 1)
-            of_state = torch.einsum("ni,nijm->njm", moved, p)
-            gradient = gradient + p[:, 0, 0] - torch.einsum("nj,njm->nm", moved, of_state)
-            by = of_state + torch.einsum("nj,nijm->nim", moved, p)
-            hessian = hessian - by[:, 1:].mT if curved else hessian
+        if (following := terms.following) is not None:
+            works, slopes = following.at(c)
+            gradient = gradient + following.at_rest - works
+            hessian = hessian - slopes if curved else hessian
         return energy, gradient, hessian.contiguous()  # as loops in files ask for
 
     def _in_file(self, terms: Terms) -> Tensor:
@@ -225,7 +230,7 @@ class Weights:
         halves = 0.5 ** torch.cumsum(torch.ones_like(c), -1)  # c_k of half the load
         trial = torch.where((energy == inf)[:, None], c * halves, after)
         new_energy, new_gradient, new_hessian = self.at(trial, terms)
-        if terms.pressed is None:
+        if terms.following is None:
             rounding = ROUNDING * abs(energy) + LEAST * self._stiffness
             taken = new_energy <= energy + rounding  # ∞ ≤ ∞
         else:

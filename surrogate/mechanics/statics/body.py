@@ -28,7 +28,7 @@ from surrogate.mechanics.body.elements_of_case import (
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.body.stiffness import case_of_moduli
 from surrogate.mechanics.equilibrium.compliance import Compliance
-from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
+from surrogate.mechanics.equilibrium.following_loads import FollowingLoads
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from surrogate.mechanics.statics.load import Load, checked_loads, fields_at_nodes
 
@@ -147,9 +147,9 @@ class Body(Remade):
         found.units = self.units
         return found
 
-    def under(self, pressure: FollowerPressure | None) -> Equilibrium:
-        """Equilibrium under dead loads, and under the pressures of one load case if there are."""
-        return self.equilibrium if pressure is None else self.equilibrium.under(pressure)
+    def under(self, following: FollowingLoads | None) -> Equilibrium:
+        """Equilibrium under dead loads, and under the following loads of one case if there are."""
+        return self.equilibrium if following is None else self.equilibrium.under(following)
 
     @cached_property
     def driven_body(self) -> DrivenBody:
@@ -180,7 +180,7 @@ class Body(Remade):
         """
         from surrogate.mechanics.descent import descend
 
-        body = self.driven_body.under(load.pressure)
+        body = self.driven_body.under(load.following)
         return descend(body, load.dead, predicted, aim, last_term)
 
     @property
@@ -193,7 +193,7 @@ class Body(Remade):
         from surrogate.mechanics.descent.first_direction import first_direction
 
         try:
-            body = self.driven_body.under(load.pressure)
+            body = self.driven_body.under(load.following)
         except InputError:
             return None
         found = first_direction(body, load.dead, displacement)
@@ -214,7 +214,7 @@ class Body(Remade):
         """
         from surrogate.mechanics.certify.full_certificate import certify
 
-        return certify(self.equilibrium, load.dead, displacement, load.pressure)
+        return certify(self.equilibrium, load.dead, displacement, load.following)
 
     def correct(self, load: Load, displacement: Array) -> Correction:
         """Go on from a displacement in m, (n_nodes, d), to the equilibrium under one load.
@@ -232,9 +232,9 @@ class Body(Remade):
         from surrogate.mechanics.descent.equilibria import equilibria, sought
         from surrogate.mechanics.descent.trust import is_narrow
 
-        tolerance, body = ForceTolerance.of_case(self.case), self.under(load.pressure)
+        tolerance, body = ForceTolerance.of_case(self.case), self.under(load.following)
         if "driven_body" in vars(self) and not is_narrow(body):
-            driven = self.driven_body.under(load.pressure)
+            driven = self.driven_body.under(load.following)
             search = sought(driven, load.dead, displacement, tolerance)
             for _, found in equilibria(driven.compliance, [search]):
                 if found is not None:
@@ -330,15 +330,15 @@ class Body(Remade):
 
     def _under_load(self, load: Load, u: Array) -> tuple[Array, Array]:
         """Displacements of all points in m, and all forces on them in N: (N, n_points, d) each."""
-        body, pressure = self.equilibrium, load.pressure
+        body, following = self.equilibrium, load.following
         u = u.reshape(-1, *self.geometry.coordinates.shape)
         f = body.forces_at_points(load.cases.dead)
-        if pressure is None:
+        if following is None:
             return body.at_points(u, f), f
         at_points = np.empty(f.shape)
         for row in range(len(u)):
             one = slice(row, row + 1)
-            under = body.under(pressure[one])
+            under = body.under(following[one])
             at_points[one] = under.at_points(u[one], f[one])
             f[one] = under.external(at_points[one], f[one])
         return at_points, f

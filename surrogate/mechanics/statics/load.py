@@ -1,4 +1,4 @@
-"""The load on a body: dead forces, and pressures that follow its surface.
+"""The load on a body: dead forces, and pressures and cables that follow it.
 
 Dead forces are nodal ones, and after these, of elements with points between the nodes, the forces
 there (`surrogate.mechanics.equilibrium.quadratic`). A load is read from arrays, or from texts and
@@ -7,7 +7,7 @@ files as a command takes them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeAlias
@@ -20,7 +20,7 @@ from shared_schema.common.arguments import real_numbers
 from shared_schema.common.bodies.command_loads import CommandLoads, command_loads
 from shared_schema.common.errors import InputError
 from surrogate.mechanics.body.geometry import Geometry
-from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
+from surrogate.mechanics.equilibrium.following_loads import FollowingLoads
 
 ROUNDING = 1e-6  # of a force in single precision, and more
 LARGEST_FORCE = float(np.finfo(np.float32).max)
@@ -36,12 +36,12 @@ class Load:
     ----------
     dead : array, (n_nodes or n_points, d) or with N before
         Dead forces in N, with what acts between the nodes after the nodal ones.
-    pressure : FollowerPressure or None
-        Pressures of the load cases, which follow the surface.
+    following : FollowingLoads or None
+        Pressures and cables of the load cases, which follow the body.
     """
 
     dead: Array
-    pressure: FollowerPressure | None = None
+    following: FollowingLoads | None = None
 
     @classmethod
     def of(
@@ -51,14 +51,23 @@ class Load:
         *,
         nearest: bool = False,
         body_force: str | Sequence[float] | None = None,
+        actuate: Mapping[str, float] | Sequence[str] = (),
     ) -> Load:
-        """Read one load case, as `given_load` does; no load at all is none."""
+        """Read one load case, as `given_load` does; no load at all is none.
+
+        Tensions in N and pressures in Pa of actuators are numbers by their names, or the texts of
+        ``--actuate``; actuators that are not named do nothing.
+        """
         if not isinstance(load, CommandLoads):
             given = () if load is None else load
             load = given_load(geometry, given, nearest, body_force, needed=False)
         between = load.between if load.between.any() else load.between[:0]
         dead = np.concatenate([load.forces, between])
-        return cls(dead, FollowerPressure.of_load(load))
+        pressed = FollowingLoads.of_load(load)
+        if geometry.actuators is None:
+            return cls(dead, pressed)
+        actuated = FollowingLoads.of(geometry, actuated_amplitudes(geometry, actuate)[None])
+        return cls(dead, actuated if pressed is None else pressed.beside(actuated))
 
     @classmethod
     def told_apart(
@@ -107,19 +116,19 @@ class Load:
             if known:
                 a, f = area[some], forces[:, :nodes][:, some]
                 pressures[:, number] = np.median(-(f * a).sum(2) / (a * a).sum(1), axis=1)
-        pressure = replace(of_units, pressures=pressures)
-        dead = dead_part(geometry, forces, pressure)
+        following = replace(of_units, amplitudes=pressures)
+        dead = dead_part(geometry, forces, following)
         for some in own:
             loaded = dead[:, :nodes][:, some].any(axis=2).sum(axis=1)
             known = known and (2 * loaded < some.sum()).all()
         if not known:
             raise InputError("the pressures of the samples cannot be told from their other forces")
-        return cls(dead, pressure)
+        return cls(dead, following)
 
     def __getitem__(self, cases: int | slice) -> Load:
         """One of N load cases, or some."""
         some = slice(cases, cases + 1) if isinstance(cases, int) else cases
-        return Load(self.dead[cases], None if self.pressure is None else self.pressure[some])
+        return Load(self.dead[cases], None if self.following is None else self.following[some])
 
     @property
     def cases(self) -> Load:
@@ -129,15 +138,15 @@ class Load:
     def at_rest(self, geometry: Geometry) -> Array:
         """Nodal forces in N, (n_nodes, d) or with N before, with pressures undeformed."""
         nodal = self.dead[..., : len(geometry.coordinates), :]
-        if self.pressure is None:
+        if self.following is None:
             return nodal
-        pushed = self.pressure.load[:, : nodal.shape[-2]] * geometry.free
+        pushed = self.following.load[:, : nodal.shape[-2]] * geometry.free
         return np.asarray(nodal + pushed.reshape(nodal.shape))
 
     def part(self, share: float) -> Load:
         """A part of the load."""
-        pressure = None if self.pressure is None else self.pressure.scaled(share)
-        return Load(share * self.dead, pressure)
+        following = None if self.following is None else self.following.scaled(share)
+        return Load(share * self.dead, following)
 
 
 def fields_at_nodes(geometry: Geometry, values: ArrayLike | Tensor, name: str) -> Array:
@@ -197,52 +206,75 @@ def checked_load(geometry: Geometry, forces: ArrayLike | Tensor) -> Array:
 
 def checked_pressure(
     geometry: Geometry, pressure: ArrayLike | None, forces: Array
-) -> FollowerPressure | None:
+) -> FollowingLoads | None:
     """Return the pressures that are a part of a load, (n_nodes, d) or (N, n_nodes, d).
 
     Parameters
     ----------
     geometry : Geometry
-    pressure : array, (n_surfaces,) or (N, n_surfaces), or None
-        In Pa; a number if there is one surface. None for a body without such surfaces.
+    pressure : array, (n,) or (N, n), or None
+        Of `Geometry.following`, in Pa, N of cables; a number if there is one. None if none is.
 
     Raises
     ------
     InputError
         If it is missing, its shape is wrong, or a number is not finite.
     """
-    surfaces = geometry.surfaces
-    if pressure is None and surfaces:
+    units = geometry.following
+    if pressure is None and units:
         raise InputError(
             "pressure is missing: the loads of the case have one that follows the surface, "
             "expected its value in Pa beside the forces, 0 if forces act alone"
         )
     if pressure is None:
         return None
-    if not surfaces:
+    if not units:
         raise InputError("pressure: the case has none, expected forces only")
     values = real_numbers(pressure, "pressure")
     cases = len(forces) if forces.ndim == 3 else 1
-    if values.ndim < 2 and values.size == len(surfaces):
-        values = np.broadcast_to(values.reshape(1, -1), (cases, len(surfaces)))
-    if values.shape != (cases, len(surfaces)) or not np.isfinite(values).all():
+    if values.ndim < 2 and values.size == len(units):
+        values = np.broadcast_to(values.reshape(1, -1), (cases, len(units)))
+    if values.shape != (cases, len(units)) or not np.isfinite(values).all():
         raise InputError(
-            f"pressure has shape {np.shape(pressure)}, expected {len(surfaces)} finite "
-            f"{'number' if len(surfaces) == 1 else 'numbers'} in Pa for each load case"
+            f"pressure has shape {np.shape(pressure)}, expected {len(units)} finite "
+            f"{'number' if len(units) == 1 else 'numbers'} in Pa (N of cables) for each load case"
         )
-    return FollowerPressure.on(geometry.coordinates, surfaces, values, geometry.pressed_points)
+    return FollowingLoads.of(geometry, values)
 
 
-def dead_part(geometry: Geometry, forces: Array, pressure: FollowerPressure | None) -> Array:
+def actuated_amplitudes(geometry: Geometry, actuate: Mapping[str, float] | Sequence[str]) -> Array:
+    """Amplitudes of `Geometry.following`, (n,) in Pa or N: those of the actuators that are named.
+
+    Raises
+    ------
+    InputError
+        If there is no such actuator, or a length, a volume or an amount of gas is given.
+    """
+    placed, amplitudes = geometry.actuators, np.zeros(len(geometry.following))
+    texts = [f"{k}={v}" for k, v in actuate.items()] if isinstance(actuate, Mapping) else actuate
+    if placed is None:
+        if len(texts):
+            raise InputError(f"--actuate '{texts[0]}': the case has no actuators")
+        return amplitudes
+    for name, control in zip(placed.names, placed.given(texts), strict=True):
+        if not control.gives_amplitude:
+            raise InputError(
+                f"--actuate '{name}': expected a tension or a pressure, not the {control.kind}"
+            )
+        amplitudes[len(geometry.surfaces) + placed.names.index(name)] = control.value
+    return amplitudes
+
+
+def dead_part(geometry: Geometry, forces: Array, following: FollowingLoads | None) -> Array:
     """A load in N without the forces of pressures on the undeformed body, of the same shape.
 
     Where it does not say what acts between the nodes, that is the pressures alone. Differences that
     are rounding of single precision are zero.
     """
-    if pressure is None:
+    if following is None:
         return forces
     rows = forces.shape[-2]
-    of_pressures = pressure.load[:, :rows]
+    of_pressures = following.load[:, :rows]
     beside = ((0, 0), (0, rows - of_pressures.shape[1]), (0, 0))
     at_rest = np.pad(of_pressures, beside).reshape(forces.shape)
     dead = (forces - at_rest) * geometry.free_at_points[:rows]

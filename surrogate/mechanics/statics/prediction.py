@@ -79,7 +79,7 @@ class Series:
         if not len(several):
             return np.zeros((*loads.dead.shape[:-2], nodes, d)), np.empty(0)
         of_points = self.body.equilibrium.forces_at_points(several)
-        found, last = self.terms.predicted(of_points, loads.pressure)
+        found, last = self.terms.predicted(of_points, loads.following)
         return found[:, :nodes].reshape(*loads.dead.shape[:-2], nodes, d), last
 
     def predict(

@@ -163,7 +163,7 @@ class Frames(ABC, Generic[C, F]):
         u = begin.ravel()[self._body.components]
 
         def go(share: float, last: tuple[Correction, Array]) -> tuple[Correction, Array]:
-            part = 1.0 if begin.any() or loaded.pressure is None else share
+            part = 1.0 if begin.any() or loaded.following is None else share
             given = condition.on_the_way(share, u), loaded.part(part)
             found, after = self._balanced(*given, last[0].displacement[None], last[1])
             return replace(found, iterations=last[0].iterations + found.iterations), after

@@ -215,8 +215,8 @@ class Grip(Frames[HeldComponents, GripFrame]):
     ) -> tuple[Correction, Array]:
         """Equilibrium of the held body; the grips bear what is out of balance without them."""
         components, body = self._body.components, self._supported
-        if loaded.pressure is not None:
-            body = body.under(loaded.pressure)
+        if loaded.following is not None:
+            body = body.under(loaded.following)
         f, moved = loaded.equilibrium.forces_at_points(loaded.load.dead[None]), np.zeros_like(u)
         moved.ravel()[components] = condition.target - u.ravel()[components]
         found = stable_state(body, f, lifted(body, u, f, moved), START)

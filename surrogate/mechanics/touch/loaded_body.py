@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from shared_schema.common.bodies.command_loads import CommandLoads
 from surrogate.mechanics.descent.aim import Aim
 from surrogate.mechanics.descent.driven_body import DrivenBody
-from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
+from surrogate.mechanics.equilibrium.following_loads import FollowingLoads
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from surrogate.mechanics.statics.load import GivenLoad, Load
 from surrogate.mechanics.statics.prediction import Predictor
@@ -61,24 +61,23 @@ class LoadedBody:
             load = Load(np.zeros(model.body.geometry.coordinates.shape))
         elif not isinstance(load, Load):
             load = Load.of(model.body.geometry, load)
-        presses = load.pressure is not None and load.pressure.pressures.any()
+        presses = load.following is not None and load.following.amplitudes.any()
         return cls(model, load if presses else Load(load.dead))
 
     @property
-    def pressure(self) -> FollowerPressure | None:
-        """Pressures of the load."""
-        return self.load.pressure
+    def following(self) -> FollowingLoads | None:
+        """Pressures and cables of the load."""
+        return self.load.following
 
     def is_under(self, other: LoadedBody | None) -> bool:
         """Whether the load is the same as another one."""
         if other is None or not np.array_equal(self.load.dead, other.load.dead):
             return False
-        one, two = self.pressure, other.pressure
+        one, two = self.following, other.following
         if one is None or two is None:
             return one is two
-        same = len(one.surfaces) == len(two.surfaces)
-        same = same and all(map(np.array_equal, one.surfaces, two.surfaces))
-        return same and np.array_equal(one.pressures, two.pressures)
+        same = np.array_equal(one.amplitudes, two.amplitudes)
+        return same and np.array_equal(one.at_rest, two.at_rest)
 
     def part(self, share: float) -> LoadedBody:
         """The body under a part of the load."""
@@ -86,7 +85,7 @@ class LoadedBody:
 
     def acts(self, force: Array) -> bool:
         """Whether anything moves the body, beside pressures a dead load in N."""
-        return self.pressure is not None or bool(force.any())
+        return self.following is not None or bool(force.any())
 
     def with_forces(self, force: Array) -> Array:
         """The dead load in N with other forces, (n_nodes or n_points, d); supports bear some."""
@@ -115,12 +114,12 @@ class LoadedBody:
     @cached_property
     def equilibrium(self) -> Equilibrium:
         """The equilibrium of the body under the pressures."""
-        return self.model.body.under(self.pressure)
+        return self.model.body.under(self.following)
 
     @cached_property
     def driven_body(self) -> DrivenBody:
         """The body under the pressures as directions see it."""
-        return self.model.body.driven_body.under(self.pressure)
+        return self.model.body.driven_body.under(self.following)
 
     def at_points(self, field: Array, dead: Array) -> Array:
         """Displacement of all points in m, (n_points, d), by that of the nodes, under a load."""

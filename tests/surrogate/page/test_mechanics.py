@@ -9,14 +9,15 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
+from shared_schema.common.bodies.following_loads import PressedSurface
 from shared_schema.grid import Grid
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.certify.correction import correct
 from surrogate.mechanics.certify.full_certificate import certify
-from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
+from surrogate.mechanics.equilibrium.following_loads import FollowingLoads
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from surrogate.mechanics.series.body_series import BodySeries
-from surrogate.mechanics.series.pressure_terms import PressedFacets
+from surrogate.mechanics.series.following_terms import FollowingTerms
 from tests.surrogate.conftest import box_cells
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
 from tests.surrogate.mechanics.series.test_body_series import ELEMENTS, MATERIALS, body, upper_side
@@ -49,6 +50,11 @@ def assert_close(found: Any, expected: Array, relative: float = 1e-9) -> None:
     )
 
 
+def facets_of(following: FollowingLoads) -> tuple[NDArray[np.int64], ...]:
+    """Facets of the surfaces under pressure."""
+    return tuple(unit.facets for unit in following.units if isinstance(unit, PressedSurface))
+
+
 @pytest.mark.parametrize(("element", "cell_type", "material", "under_pressure"), BODIES)
 def test_page_computes_what_python_does(
     ask: PageInNode, element: str, cell_type: str, material: str, under_pressure: bool
@@ -59,14 +65,14 @@ def test_page_computes_what_python_does(
     """
     plain, d = body(element, cell_type, material), box(cell_type).dimension
     force = plain.forces_at_points(end_load(box(cell_type), *LOAD[:d])[None])
-    pressure: FollowerPressure | None = None
+    following: FollowingLoads | None = None
     under, pressures, surfaces = plain, list[float](), tuple[NDArray[np.int64], ...]()
     if under_pressure:
         under = plain.under(upper_side(cell_type, plain))
-        pressure = under.pressure
-        assert pressure is not None
-        pressures, surfaces = pressure.pressures[0].tolist(), pressure.surfaces
-    terms, weights = combination(plain, ORDER, force, pressure)
+        following = under.following
+        assert following is not None
+        pressures, surfaces = following.amplitudes[0].tolist(), facets_of(following)
+    terms, weights = combination(plain, ORDER, force, following)
     expected = np.einsum("nk,knai->nai", weights, terms)
     rng = np.random.default_rng(0)
     u = (1 + 0.02 * rng.normal(size=expected.shape)) * expected
@@ -102,10 +108,10 @@ def test_page_computes_what_python_does(
 
 
 def combination(
-    equilibrium: Equilibrium, order: int, forces: Array, pressure: FollowerPressure | None = None
+    equilibrium: Equilibrium, order: int, forces: Array, following: FollowingLoads | None = None
 ) -> tuple[Array, Array]:
     """Terms, (n, N, n_points, d), and weights, (N, n)."""
-    series, pressed = BodySeries(equilibrium, order), PressedFacets.of(pressure)
+    series, pressed = BodySeries(equilibrium, order), FollowingTerms.of(following)
     terms, weights = series.combination(series.first(torch.from_numpy(forces), *pressed), *pressed)
     return torch.stack(terms).numpy(), weights.numpy()
 
@@ -217,14 +223,14 @@ def test_a_settled_estimate_leads_to_the_equilibrium(ask: PageInNode) -> None:
     """From the linear response under a load and a pressure, which is 1 % off at least."""
     plain = body("incompressible", "tetra", "two")
     under = plain.under(upper_side("tetra", plain))
-    pressure = under.pressure
-    assert pressure is not None
+    following = under.following
+    assert following is not None
     load = end_load(box("tetra"), *LOAD)
     force = plain.forces_at_points(load[None])
     start = plain.linear_response(under.at_rest(force))
-    pressures = pressure.pressures[0].tolist()
+    pressures = following.amplitudes[0].tolist()
     request = {"kind": "certificate", "force": force, "u": start, "pressures": pressures}
-    (found,) = ask(plain, [request], pressure.surfaces)
+    (found,) = ask(plain, [request], facets_of(following))
     expected = correct(under, load, start[0, : plain.nodes], 1e-11).displacement
     displacement = np.array(found["corrected"]).reshape(-1, 3)[: plain.nodes]
     size = np.abs(expected).max()

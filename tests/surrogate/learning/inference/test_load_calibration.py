@@ -25,12 +25,12 @@ def test_loads_of_a_case_with_pressure(finger: surrogate.Surrogate) -> None:
     """One node has a force of up to 0.15 N a component, the notches have up to 1500 Pa."""
     forces = drawn_loads(finger, 30, np.random.default_rng(3))
     load = Load.of_samples(finger.geometry, forces)
-    dead, pressure = load.dead, load.pressure
+    dead, pressure = load.dead, load.following
     assert pressure is not None
     assert (np.count_nonzero(dead.any(axis=2), axis=1) == 1).all()
     assert 0.1 < np.abs(dead).max() <= 0.15
-    assert 0 <= pressure.pressures.min() < 500
-    assert 1000 < pressure.pressures.max() <= 1500
+    assert 0 <= pressure.amplitudes.min() < 500
+    assert 1000 < pressure.amplitudes.max() <= 1500
 
 
 def test_loads_of_other_cases_are_refused(

@@ -16,7 +16,7 @@ from surrogate.command_line import main
 from surrogate.mechanics.certify.fast_certificate import Bounds
 from surrogate.mechanics.certify.full_certificate import Certificate
 from surrogate.mechanics.descent.first_direction import exceeds_motion
-from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
+from surrogate.mechanics.equilibrium.following_loads import FollowingLoads
 from surrogate.mechanics.statics.load import Load
 
 FINGER_TIP = (-0.001694881208, 0.00120293664, -0.01937389141)  # in m, by datagen
@@ -272,15 +272,14 @@ def test_pressure_is_certified_and_corrected(
     with pytest.raises(InputError, match="the case has none"):
         beam.certify(np.zeros_like(beam.geometry.coordinates), pressure=1)
     assert corrected.reaction is not None
-    pushed = model.body.equilibrium.under(_pressure(model, 1000)).pressure
+    pushed = model.body.equilibrium.under(_pressure(model, 1000)).following
     assert pushed is not None
     balance = corrected.reaction + pushed.forces(found[None])[0]
     assert balance.sum(axis=0) == pytest.approx([0, -0.02, 0], abs=1e-9)
 
 
-def _pressure(model: surrogate.Surrogate, pressure: float) -> FollowerPressure:
-    body = model.geometry
-    return FollowerPressure(body.coordinates, body.surfaces, np.array([[pressure]]))
+def _pressure(model: surrogate.Surrogate, pressure: float) -> FollowingLoads:
+    return FollowingLoads.of(model.geometry, np.array([[pressure]]))
 
 
 def test_fast_bounds_under_pressure(
@@ -309,13 +308,13 @@ def test_fast_bounds_under_pressure(
 def test_pressures_of_samples_are_told_from_their_forces(finger: surrogate.Surrogate) -> None:
     """In single precision, as a dataset has their sum; a force everywhere hides the pressure."""
     body = finger.geometry
-    pressure = FollowerPressure(body.coordinates, body.surfaces, np.array([[1000.0], [0], [20]]))
+    pressure = FollowingLoads.of(body, np.array([[1000.0], [0], [20]]))
     dead = np.zeros((3, *body.coordinates.shape))
     dead[:2, body.surfaces[0][5, 0]] = 0.1, -0.02, 0.05
     total = ((dead + pressure.at_rest) * body.free).astype(np.float32).astype(np.float64)
-    found, pressures = (both := Load.of_samples(body, total)).dead, both.pressure
+    found, pressures = (both := Load.of_samples(body, total)).dead, both.following
     assert pressures is not None
-    assert pressures.pressures == pytest.approx(pressure.pressures, rel=1e-6)
+    assert pressures.amplitudes == pytest.approx(pressure.amplitudes, rel=1e-6)
     np.testing.assert_allclose(found, dead, atol=1e-8)
     assert np.array_equal(found.any(axis=2), dead.any(axis=2))
     with pytest.raises(InputError, match="cannot be told from their other forces"):

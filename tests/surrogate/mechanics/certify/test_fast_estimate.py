@@ -11,8 +11,8 @@ from surrogate.mechanics.certify.full_certificate import certify
 from surrogate.mechanics.descent import DrivenBody, carried_compliance
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
-from tests.surrogate.mechanics.equilibrium.test_follower_pressure import KINDS, pressed
-from tests.surrogate.mechanics.equilibrium.test_follower_pressure import body as under_pressure
+from tests.surrogate.mechanics.equilibrium.test_following_loads import KINDS, pressed
+from tests.surrogate.mechanics.equilibrium.test_following_loads import body as under_pressure
 
 
 @pytest.mark.parametrize("kind", KINDS)

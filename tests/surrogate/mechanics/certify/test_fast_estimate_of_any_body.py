@@ -26,7 +26,7 @@ from surrogate.mechanics.certify.correction import correct
 from surrogate.mechanics.certify.fast_certificate import LEAST, with_rest
 from surrogate.mechanics.certify.fast_estimate import FastEstimate
 from surrogate.mechanics.descent import DrivenBody
-from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
+from surrogate.mechanics.equilibrium.following_loads import FollowingLoads
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from tests.surrogate.mechanics.bodies import cells_of
 
@@ -76,20 +76,14 @@ def estimate_of(material: str, element: str) -> FastEstimate:
     return FastEstimate(DrivenBody.of(Equilibrium(geometry, MATERIALS[material], on_points)))
 
 
-def load_of(geometry: Geometry, load: str) -> tuple[np.ndarray, FollowerPressure | None]:
+def load_of(geometry: Geometry, load: str) -> tuple[np.ndarray, FollowingLoads | None]:
     """A force at the free end, a pressure of 1.2 Pa from above, or half of both."""
     force, part = np.zeros_like(geometry.coordinates), 0.5 if load == "both" else 1.0
     if load != "pressure":
         force[-1] = 0.3 * part, -1.2 * part
     if load == "force":
         return force, None
-    parts = (
-        geometry.coordinates,
-        geometry.surfaces,
-        np.array([[1.2 * part]]),
-        geometry.pressed_points,
-    )
-    return force, FollowerPressure.on(*parts)
+    return force, FollowingLoads.of(geometry, np.array([[1.2 * part]]))
 
 
 @pytest.mark.parametrize("load", LOADS)

@@ -17,7 +17,7 @@ from surrogate.mechanics.descent.trust import MARGIN
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
 from tests.surrogate.mechanics.descent.test_carried_compliance import KINDS, body_of
-from tests.surrogate.mechanics.equilibrium.test_follower_pressure import pressed
+from tests.surrogate.mechanics.equilibrium.test_following_loads import pressed
 
 YEOH = Yeoh(c10=80, c20=30, c30=5, bulk_modulus=3000)
 MATERIALS: list[ShippedMaterial] = [

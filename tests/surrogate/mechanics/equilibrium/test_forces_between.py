@@ -10,11 +10,12 @@ import torch
 
 from shared_schema.common.bodies.cells import outward_facets
 from shared_schema.common.bodies.distributed_loads import area_vectors, nodal_volumes
+from shared_schema.common.bodies.following_loads import PressedSurface
 from shared_schema.materials import NeoHookean
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.certify.correction import correct
 from surrogate.mechanics.certify.full_certificate import certify
-from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
+from surrogate.mechanics.equilibrium.following_loads import FollowingLoads
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from surrogate.mechanics.equilibrium.stresses import cell_stresses, reactions
 from surrogate.mechanics.solids.deformation import completed, stress
@@ -66,7 +67,7 @@ def traction_of(geometry: Geometry, p: Array) -> Array:
     return np.asarray(sum(areas) @ p.T)
 
 
-def loads_on(geometry: Geometry) -> tuple[Array, FollowerPressure]:
+def loads_on(geometry: Geometry) -> tuple[Array, FollowingLoads]:
     """A shear traction at the end, a body force, and a pressure on the upper face."""
     d, x = geometry.dimension, positions(geometry)
     end, top = faces(geometry)[:2]
@@ -75,7 +76,8 @@ def loads_on(geometry: Geometry) -> tuple[Array, FollowerPressure]:
     forces = area_vectors(x, end)[:, :1] * shear
     forces += np.outer(nodal_volumes(x, geometry.points_between.cells), weight)
     values = np.array([[PRESSURE]])
-    pressure = FollowerPressure.on(geometry.coordinates, [top], values, geometry.points_between)
+    units, points = [PressedSurface(top)], geometry.points_between
+    pressure = FollowingLoads.on(geometry.coordinates, units, values, points)
     return load_of(geometry, forces), pressure
 
 
@@ -107,8 +109,8 @@ def test_patch_under_pressure(cell_type: str, whole: bool) -> None:
     f = torch.from_numpy(stretch * np.eye(d))[:, :, None, None, None]
     p = -float(stress(completed(f), MATERIAL)[0, 0]) / stretch ** (d - 1)
     values = np.full((1, d), p)
-    surfaces = faces(geometry)
-    pressure = FollowerPressure.on(geometry.coordinates, surfaces, values, geometry.points_between)
+    units, points = [PressedSurface(facets) for facets in faces(geometry)], geometry.points_between
+    pressure = FollowingLoads.on(geometry.coordinates, units, values, points)
     body = Equilibrium(geometry, MATERIAL, on_points=True).under(pressure)
     expected, nothing = (stretch - 1) * geometry.coordinates, np.zeros_like(geometry.coordinates)
     found = correct(body, nothing, nothing).displacement
@@ -181,9 +183,9 @@ def test_pressures_of_samples(by_corners: bool) -> None:
     load[beside] = 2.0
     given = load[: points.nodes] if by_corners else load
     both = Load.of_samples(geometry, given[None])
-    dead, found = both.dead, both.pressure
+    dead, found = both.dead, both.following
     assert found is not None
-    np.testing.assert_allclose(found.pressures, PRESSURE, rtol=1e-12)
+    np.testing.assert_allclose(found.amplitudes, PRESSURE, rtol=1e-12)
     assert np.flatnonzero(dead[0].any(axis=1)).tolist() == [beside]
     assert (found.points is None) == by_corners
 

@@ -9,6 +9,7 @@ import pytest
 import torch
 
 from shared_schema.common.bodies.cells import outward_facets
+from shared_schema.common.bodies.following_loads import PressedSurface
 from shared_schema.materials import (
     ArrudaBoyce,
     FibreReinforced,
@@ -24,10 +25,10 @@ from shared_schema.materials import (
 )
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.certify.correction import correct
-from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
+from surrogate.mechanics.equilibrium.following_loads import FollowingLoads
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from surrogate.mechanics.series.body_series import BodySeries
-from surrogate.mechanics.series.pressure_terms import PressedFacets
+from surrogate.mechanics.series.following_terms import FollowingTerms
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
 
 MATERIALS: dict[str, Materials] = {
@@ -90,14 +91,16 @@ def directions(geometry: Geometry, material: Materials) -> np.ndarray | None:
     return np.repeat(given[None], len(geometry.cells), axis=0)
 
 
-def upper_side(cell_type: str, equilibrium: Equilibrium) -> FollowerPressure:
+def upper_side(cell_type: str, equilibrium: Equilibrium) -> FollowingLoads:
     """A pressure on the side y = 1."""
     geometry = box(cell_type)
     facets = outward_facets(geometry.coordinates, geometry.cells, cell_type)
     upper = facets[np.isclose(geometry.coordinates[facets][:, :, 1], 1).all(axis=1)]
     points = getattr(equilibrium, "points", None)
     surface = upper if points is None else points.facets(upper)
-    return FollowerPressure.on(geometry.coordinates, (surface,), np.array([[PRESSURE]]), points)
+    return FollowingLoads.on(
+        geometry.coordinates, (PressedSurface(surface),), np.array([[PRESSURE]]), points
+    )
 
 
 @pytest.mark.parametrize("material", MATERIALS)
@@ -142,10 +145,10 @@ def test_terms_are_derivatives(element: str) -> None:
 
 
 def sum_of_terms(
-    equilibrium: Equilibrium, order: int, forces: np.ndarray, pressure: FollowerPressure
+    equilibrium: Equilibrium, order: int, forces: np.ndarray, following: FollowingLoads
 ) -> np.ndarray:
     """Σ uₖ, with weights of 1."""
-    series, pressed = BodySeries(equilibrium, order), PressedFacets.of(pressure)
+    series, pressed = BodySeries(equilibrium, order), FollowingTerms.of(following)
     terms, _ = series.terms(series.first(torch.from_numpy(forces), *pressed), *pressed)
     return torch.stack(terms).sum(0).numpy()
 

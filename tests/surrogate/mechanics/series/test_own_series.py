@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 
+from shared_schema.common.bodies.following_loads import PressedSurface
 from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.models.kinds import run_config
 from surrogate.mechanics.body.elements_of_case import with_elements
@@ -31,13 +32,14 @@ def response_of(element: str, cell_type: str, material: str, pressed: bool) -> S
     """The response of a box, with a pressure on its upper side."""
     geometry = box(cell_type)
     between = element == "quadratic" or (element == "incompressible" and cell_type == "triangle")
-    push = upper_side(cell_type, body("linear", cell_type, material))
+    (push,) = upper_side(cell_type, body("linear", cell_type, material)).units
+    assert isinstance(push, PressedSurface)
     geometry = replace(
         geometry,
         mean_dilation=element == "incompressible",
         has_points_between=between,
         fibres=directions(geometry, MATERIALS[material]),
-        pressed=push.surfaces[0] if pressed else None,
+        pressed=push.facets if pressed else None,
     )
     return SeriesResponse(geometry, MATERIALS[material], False, ORDER)
 

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from shared_schema.common.bodies.cells import outward_facets
+from shared_schema.common.bodies.following_loads import PressedSurface
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.certify.correction import correct, increased
 from surrogate.mechanics.certify.full_certificate import certify
-from surrogate.mechanics.equilibrium.follower_pressure import FollowerPressure
+from surrogate.mechanics.equilibrium.following_loads import FollowingLoads
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load
 
@@ -23,13 +24,14 @@ def body(kind: str) -> Geometry:
     return replace(box(cell_type), mean_dilation=bool(mean))
 
 
-def pressed(geometry: Geometry, pressure: float) -> FollowerPressure:
+def pressed(geometry: Geometry, pressure: float) -> FollowingLoads:
     """A pressure on the upper half of the far end and on the top: its edge is free."""
     x = geometry.coordinates
     facets = outward_facets(x, geometry.cells, geometry.cell_type)
     at_end = ((x[facets, 0] == 2) & (x[facets, 1] >= 0.5)).all(axis=1)
     on_top = (x[facets, 1] == 1).all(axis=1)
-    return FollowerPressure(x, (facets[at_end], facets[on_top]), np.array([[2.0, 1.0]]) * pressure)
+    units = PressedSurface(facets[at_end]), PressedSurface(facets[on_top])
+    return FollowingLoads(x, units, np.array([[2.0, 1.0]]) * pressure)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -82,4 +84,4 @@ def test_estimate_is_of_third_order() -> None:
 def test_no_pressure_is_the_dead_load() -> None:
     geometry = body("quad")
     equilibrium = Equilibrium(geometry, MATERIAL)
-    assert equilibrium.under(pressed(geometry, 0.0)).pressure is None
+    assert equilibrium.under(pressed(geometry, 0.0)).following is None
