@@ -36,7 +36,7 @@ PLACES = (  # old and new package, and the rooms and modules that have moved
     (
         "surrogate.mechanics",
         "surrogate.mechanics.equilibrium",
-        "block_solve compliance follower_pressure kept_responses linear_response "
+        "block_solve compliance kept_responses linear_response "
         "newton_steps out_of_balance quadratic stresses tool_springs",
     ),
 )
@@ -44,6 +44,7 @@ MOVED = {
     "surrogate.baselines": "surrogate.contrib",
     "surrogate.baselines.linear_map": "surrogate.learning.networks.linear_map",
     "surrogate.data.free_components": "surrogate.mechanics.body.geometry",
+    "surrogate.mechanics.follower_pressure": "surrogate.mechanics.equilibrium.following_loads",
     "surrogate.inference.given_load": "surrogate.mechanics.statics.load",
     "surrogate.runs.config_list": "surrogate.learning.runs.shelf",
     "surrogate.runs.trained_list": "surrogate.learning.runs.shelf",

@@ -65,7 +65,7 @@ class Cable:
         """Yield −∂g/∂x of one leg of the cable after the other, in 1/m."""
         e, d, legs = np.diff(self.places(x), axis=0), x.shape[1], self.legs
         shares = np.split(legs.data, legs.indptr[1:-1])
-        for leg, share, points in zip(e, shares, self.leg_points, strict=True):
+        for leg, share, points in zip(e, shares, self.joins, strict=True):
             size = np.linalg.norm(leg)
             across = (np.eye(d) - np.outer(leg, leg) / size**2) / size
             yield points, np.kron(np.outer(share, share), across)[None]
@@ -88,7 +88,7 @@ class Cable:
         return [-np.asarray(self.legs.T @ n) for n in units], lengths
 
     @property
-    def leg_points(self) -> list[NDArray[np.int64]]:
+    def joins(self) -> list[NDArray[np.int64]]:
         """Numbers of the points of the body that each leg joins, (1, k) each."""
         indices = self.legs.indices.astype(np.int64)
         return [points[None] for points in np.split(indices, self.legs.indptr[1:-1])]

@@ -64,6 +64,10 @@ class FollowingLoad(Protocol):
     def sign(self) -> float:
         """That of g = ± ∂q/∂x."""
 
+    @property
+    def joins(self) -> Sequence[Numbers]:
+        """Points of different cells that ∂g/∂x ties to each other, (n, k) each."""
+
     def quantity(self, x: Array) -> float:
         """What the amplitude works on, q(x), of positions (n_points, d) in m."""
 
@@ -89,6 +93,7 @@ class PressedSurface:
 
     facets: Numbers
     sign = 1.0
+    joins = ()
 
     def quantity(self, x: Array) -> float:
         """Volume of the cavity in m³, if the facets are all that bound it."""

@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
 from shared_schema.common.arguments import hold_read_only, read_only
-from shared_schema.common.bodies.cables import Cable
 from shared_schema.common.bodies.cells import boundary_facets, outward_facets
 from shared_schema.common.bodies.command_loads import LoadedBody
 from shared_schema.common.bodies.following_loads import FollowingLoad, PressedSurface
@@ -259,7 +258,7 @@ class Geometry:
     def cable_points(self) -> list[NDArray[np.int64]]:
         """Numbers of the points that each leg of a cable joins, (1, k) each."""
         units = () if self.actuators is None else self.actuators.loads
-        return [leg for unit in units if isinstance(unit, Cable) for leg in unit.leg_points]
+        return [points for unit in units for points in unit.joins]
 
     @cached_property
     def points_between(self) -> PointsBetween:

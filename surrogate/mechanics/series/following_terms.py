@@ -17,8 +17,8 @@ In the plane there is one tangent, which is turned by 90°: i is 0. Those of a l
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 import torch
@@ -26,11 +26,13 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array, vstack
 from torch import Tensor, nn
 
-from shared_schema.common.bodies.cables import Cable
 from shared_schema.common.bodies.distributed_loads import shape_functions
 from shared_schema.common.bodies.following_loads import FollowingLoad, PressedSurface
 from surrogate.mechanics.equilibrium.following_loads import FollowingLoads
 from surrogate.mechanics.matrices.sparse_products import SparseProduct
+
+if TYPE_CHECKING:
+    from shared_schema.common.bodies.cables import Cable
 
 Array = NDArray[np.float64]
 CPU = torch.device("cpu")
@@ -89,15 +91,10 @@ class FollowingTerms(nn.Module):
 
     def __init__(self, coordinates: Array, units: Sequence[FollowingLoad]) -> None:
         super().__init__()
-        numbers = {
-            kind: [number for number, unit in enumerate(units) if isinstance(unit, kind)]
-            for kind in (PressedSurface, Cable)
-        }
-        surfaces = [unit.facets for unit in units if isinstance(unit, PressedSurface)]
-        cables = [unit for unit in units if isinstance(unit, Cable)]
-        pressed, pulled = numbers[PressedSurface], numbers[Cable]
-        self.facets = PressedFacets(coordinates, surfaces, pressed) if surfaces else None
-        self.legs = CableLegs(coordinates, cables, pulled) if cables else None
+        surfaces = {i: u.facets for i, u in enumerate(units) if isinstance(u, PressedSurface)}
+        cables = {i: cast("Cable", u) for i, u in enumerate(units) if i not in surfaces}
+        self.facets = PressedFacets(coordinates, surfaces) if surfaces else None
+        self.legs = CableLegs(coordinates, cables) if cables else None
 
     @classmethod
     def of(
@@ -135,19 +132,20 @@ class CableLegs(nn.Module):
     ----------
     coordinates : array, (n_points, d)
         Positions of the undeformed body's points in m.
-    cables : sequence of Cable
-    columns : sequence of int
-        Amplitude of each cable.
+    cables : mapping of int to Cable
+        By the number of the amplitude.
     """
 
     at_rest: Tensor
     cable: Tensor
 
-    def __init__(self, coordinates: Array, cables: Sequence[Cable], columns: Sequence[int]) -> None:
+    def __init__(self, coordinates: Array, cables: Mapping[int, Cable]) -> None:
         super().__init__()
-        legs = csr_array(vstack([cable.legs for cable in cables]))
-        rest = np.concatenate([np.diff(cable.places(coordinates), axis=0) for cable in cables])
-        of_legs = np.repeat(columns, [cable.legs.shape[0] for cable in cables])
+        legs = csr_array(vstack([cable.legs for cable in cables.values()]))
+        rest = np.concatenate(
+            [np.diff(cable.places(coordinates), axis=0) for cable in cables.values()]
+        )
+        of_legs = np.repeat(list(cables), [cable.legs.shape[0] for cable in cables.values()])
         self.register_buffer("at_rest", torch.tensor(rest), persistent=False)
         self.register_buffer("cable", torch.tensor(of_legs), persistent=False)
         self.along = SparseProduct(legs, torch.float64)
@@ -188,10 +186,8 @@ class PressedFacets(nn.Module):
     ----------
     coordinates : array, (n_points, d)
         Positions of the undeformed body's points in m.
-    surfaces : sequence of array of int, (n_facets, n_corners)
-        Facets of every surface, seen from outside.
-    columns : sequence of int
-        Amplitude of each surface.
+    surfaces : mapping of int to array of int, (n_facets, n_corners)
+        Facets of every surface, seen from outside, by the number of the amplitude.
     """
 
     facets: Tensor
@@ -200,18 +196,16 @@ class PressedFacets(nn.Module):
     gradients: Tensor
     surface: Tensor
 
-    def __init__(
-        self, coordinates: Array, surfaces: Sequence[NDArray[np.int64]], columns: Sequence[int]
-    ) -> None:
+    def __init__(self, coordinates: Array, surfaces: Mapping[int, NDArray[np.int64]]) -> None:
         super().__init__()
-        facets, d = np.concatenate(list(surfaces)), coordinates.shape[1]
+        facets, d = np.concatenate(list(surfaces.values())), coordinates.shape[1]
         values, gradients, weights = shape_functions(facets.shape[1], d)
-        sizes = [len(surface) for surface in surfaces]
+        sizes = [len(surface) for surface in surfaces.values()]
         for name, array in (
             ("facets", facets),
             ("weighted", weights[:, None] * values),
             ("gradients", gradients),
-            ("surface", np.repeat(columns, sizes)),
+            ("surface", np.repeat(list(surfaces), sizes)),
         ):
             self.register_buffer(name, torch.tensor(array), persistent=False)
         at_rest = self.tangents(torch.tensor(coordinates[None]))
