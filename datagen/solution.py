@@ -20,9 +20,11 @@ from datagen.cases.case import CaseSource, read_case
 from datagen.cases.placed_body import points_of
 from datagen.mesh.distributed_mesh import Mesh
 from datagen.output.cell_stresses import CellStresses, reactions_of_supports
+from datagen.solver.following_loads import found_actuation
 from datagen.solver.load_stepping import read_start, solve_from, solve_load_case
 from datagen.solver.tool_contact import INSIDE, ToolContact, touched
 from datagen.stability import with_stability
+from shared_schema.actuators import Actuated, Control, pressed
 from shared_schema.common.arguments import checked_arguments, real_numbers, require_type
 from shared_schema.common.bodies.command_loads import (
     CommandLoads,
@@ -76,6 +78,8 @@ class Solution:
         empty unless they were asked for.
     contact : Contact or None
         Forces of a tool, and how deep nodes are inside it.
+    actuators : mapping of str to Actuated
+        Tension and length of each cable, pressure and volume of each chamber.
     report : SolveReport
         Converged reason, load steps, Newton iterations and residual.
     tolerance : float
@@ -105,6 +109,7 @@ class Solution:
     reactions: Array
     stresses: Mapping[str, Array]
     contact: Contact | None
+    actuators: Mapping[str, Actuated]
     report: SolveReport
     tolerance: float
     origin: str
@@ -203,6 +208,7 @@ def solve(
     tool: str | Tool | None = None,
     friction: float = 0.0,
     tool_from: Sequence[str | Sequence[float]] | Array = (),
+    actuate: Sequence[str] = (),
     body_force: str | Sequence[float] | None = None,
     nearest: bool = False,
     start: Path | str | Array | None = None,
@@ -235,6 +241,9 @@ def solve(
     tool_from : sequence of str or of d floats, or array (n, d)
         Where the tool comes from: displacements in m from its place, such as ``-0.5,0.3``, in turn;
         it goes from the first one over all others to its place. By default it grows into the body.
+    actuate : sequence of str
+        What is given of actuators of the case, such as ``left=2.5`` or ``left.length=0.12``
+        (`shared_schema.actuators.PlacedActuators.given`).
     body_force : str or sequence of d floats, optional
         A force in N per m³ of the undeformed body that acts everywhere, such as its weight.
     nearest : bool
@@ -265,13 +274,16 @@ def solve(
         known = mesh.coordinates, mesh.cells, mesh.cell_type
         body = LoadedBody(*known, supported, mesh.node_sets, points_of(found, mesh), mesh.parts)
         files = [Path(path) for path in forces]
-        given = command_loads(body, load, files, held, nearest, body_force, needed=tool is None)
+        needed = tool is None and not actuate
+        given = command_loads(body, load, files, held, nearest, body_force, needed)
         return given
 
     body = make_body(found, MPI.COMM_SELF if comm is None else comm, driven, parameters)
     assert given is not None
     try:
-        return _solved(body, given, start, stresses, _Pushing(tool, friction, tool_from))
+        controls = body.loads.actuators.given(actuate)
+        pushing = _Pushing(tool, friction, tool_from)
+        return _solved(body, given, controls, start, stresses, pushing)
     finally:
         body.problem.close()
 
@@ -279,6 +291,7 @@ def solve(
 def _solved(
     body: Body,
     given: CommandLoads,
+    actuation: tuple[Control, ...],
     start: Path | str | Array | None,
     stresses: bool,
     pushing: _Pushing,
@@ -286,15 +299,19 @@ def _solved(
     """Solve the body's problem, and collect the fields."""
     problem, case, mesh = body.problem, body.case, body.mesh
     said = "" if isinstance(start, np.ndarray) else f" '{start}'"
-    if start is not None and (given.surfaces or given.moved.any() or pushing.tool is not None):
-        raise InputError(f"--start{said}: expected forces only, no pressure, --hold or --tool")
+    acts = given.surfaces or given.moved.any() or pushing.tool is not None
+    if start is not None and (acts or not all(control.rests for control in actuation)):
+        raise InputError(
+            f"--start{said}: expected forces only, no pressure, --hold, --tool or --actuate"
+        )
     problem.load.contact = pushing.on(body)
     for warning in body.warnings():
         logger.warning(warning)
     nodes = np.flatnonzero(given.forces.any(axis=1))
     load, origin = (nodes, given.forces[nodes]), ""
     began = time.perf_counter()
-    drive, between = (np.array(given.pressures), given.displacement), given.forces_between
+    controls, between = (*pressed(given.pressures), *actuation), given.forces_between
+    drive = controls, given.displacement
     with _shown(body) as begin:
         if start is None:
             report = solve_load_case(problem, *load, case.solver, *drive, begin, between)
@@ -323,6 +340,11 @@ def _solved(
     unusual = size_warning(displacement, mesh.coordinates, "the largest displacement")
     if unusual is not None:
         logger.warning(unusual)
+    actuated, actuators = found_actuation(problem, len(actuation)), body.loads.actuators
+    if problem_of_walls := actuators.wall_problem(problem.positions()):
+        raise WorkError(problem_of_walls)
+    if actuated is not None:
+        given.actuation = actuators.forces_at_rest(actuated[:, 0], body.loads.positions)
     force, between, grip = given.at_rest, given.at_rest_between, problem.grip()
     if given.body.points is None or between is None:
         force = force + grip
@@ -337,6 +359,7 @@ def _solved(
         force=force + (0.0 if contact is None else contact.force),
         force_between=between if between is not None and between.any() else None,
         contact=contact,
+        actuators={} if actuated is None else actuators.found(actuated),
         displacement=displacement,
         reactions=reactions_of_supports(problem, body.held),
         stresses=CellStresses(problem, case.materials, body.parts).fields() if stresses else {},

@@ -64,6 +64,7 @@ from petsc4py import PETSc
 from scipy.sparse import csc_array, csr_array, diags, vstack
 from scipy.sparse.linalg import LinearOperator, eigs, splu
 
+from datagen.solver.bordered_newton import UnknownAmplitudes
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.settings import SolverSettings
 from datagen.solver.supports import Drag
@@ -114,6 +115,8 @@ class SymmetricFactor:
         factor.setMumpsIcntl(SEQUENTIAL_ROOT, 1)
         self._pc.setUp()
         self.excess = factor.getMumpsInfog(NEGATIVE_PIVOTS) - pressures_of(problem)
+        if problem.load.is_bordered:
+            self.excess += _of_amplitudes(problem, self)
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
         """Replace x by K⁻¹ b (collective)."""
@@ -124,6 +127,36 @@ class SymmetricFactor:
         self._pc.destroy()
         if self._own is not None:
             self._own.destroy()
+
+
+def _of_amplitudes(problem: EquilibriumProblem, factor: SymmetricFactor) -> int:
+    r"""Count what unknown amplitudes add to the negative eigenvalues of K.
+
+    Volumes and lengths that are given hold a body which is unstable under as large pressures and
+    tensions, and so do gases. With :math:`h_a \, δa ± h_q \, G^T δu = 0` the bordered matrix
+    :math:`((K, G), (G^T, -C))`, :math:`C = ± h_a / h_q`, has those of K and those of its Schur
+    complement :math:`-C - G^T K^{-1} G` (E. V. Haynsworth 1968, *Linear Algebra Appl.* 1, 73). In a
+    stable equilibrium they are as many as the amplitudes.
+    """
+    border, u = UnknownAmplitudes(problem), problem.displacement_of_points()
+    unit = border.forces(u)
+    _, by_amplitude, by_quantity = border.equations(u, np.ones(len(unit)))
+    held = by_quantity != 0.0  # slack cables are not
+    columns = []
+    for forces in (g for g, each in zip(unit, held, strict=True) if each):
+        g, w = problem.residual.duplicate(), problem.residual.duplicate()
+        g.set(0.0)
+        problem.load.add_to(g, forces)
+        g.array_w[problem.supports.owned_fixed] = 0.0
+        factor.solve(g, w)
+        columns.append((g, w))
+    response = np.array([[g.dot(w) for _, w in columns] for g, _ in columns])
+    for vector in (each for pair in columns for each in pair):
+        vector.destroy()
+    if not len(columns):
+        return 0
+    schur = -np.diag(by_amplitude[held] / by_quantity[held]) - (response + response.T) / 2
+    return int((np.linalg.eigvalsh(schur) < 0.0).sum()) - len(columns)
 
 
 def unstable_modes(problem: EquilibriumProblem, metric: PETSc.Vec | None = None) -> int:
@@ -137,7 +170,7 @@ def unstable_modes(problem: EquilibriumProblem, metric: PETSc.Vec | None = None)
     """
     factor = SymmetricFactor(problem)
     factor.close()
-    if factor.excess == 0 or not problem.load.presses:
+    if factor.excess == 0 or problem.load.is_bordered or not problem.load.presses:
         return factor.excess
     own = metric_of(problem) if metric is None else metric
     shift, definite = shifted(problem, own)

@@ -7,7 +7,8 @@ Axes are named: ``sample``, ``node``, ``dim`` (space dimension d), ``cell``, ``c
 ``surface`` (of the body's surface under pressure); ``parameter``, ``end`` (of its range), ``term``
 (of a family of shapes); ``family`` (of fibres); ``pose`` (centre and
 radius of a ball); ``between`` (points of quadratic elements between the nodes, in the order of
-`shared_schema.common.bodies.points_between`).
+`shared_schema.common.bodies.points_between`); ``actuator`` (of the case, in the order of their
+names).
 An axis has the same length wherever it appears in one shard, and all axes but ``sample``,
 ``failed`` have the same length in every shard of a dataset.
 """
@@ -89,6 +90,12 @@ samples/stable : bool (sample) 1, optional — the equilibrium is stable: its ta
     definite"""
 PARAMETERS = """\
 samples/parameters : float64 (sample, parameter) 1, optional — parameters of each sample's shape"""
+ACTUATION = """\
+samples/actuation : float64 (sample, actuator) 1, optional — what is given of each actuator, in the
+    order of their names: N of a tension, m of a length, Pa of a pressure or gas, m³ of a volume
+samples/amplitude : float64 (sample, actuator) 1, optional — tensions in N and pressures in Pa;
+    `force` includes their forces on the undeformed body
+samples/quantity : float64 (sample, actuator) 1, optional — lengths in m and volumes in m³"""
 SPLIT = """\
 samples/number : int64 (sample) 1 — sample number
 samples/is_test : bool (sample) 1 — belongs to the test split"""
@@ -136,6 +143,7 @@ samples/pressure : float64 (sample, surface) Pa, optional — pressure on each s
 samples/tool : float64 (sample, pose) m, optional — centre and radius of the rigid ball that pushes
     the body; `force` includes its forces
 samples/penetration : float64 (sample) m, optional — largest depth of a node inside the ball
+{ACTUATION}
 {STABLE}
 {PARAMETERS}
 samples/coordinates : float64 (sample, node, dim) m, optional — node positions of the undeformed
@@ -149,6 +157,7 @@ failed/load_factor : float64 (failed) 1 — part of the load under which an equi
 failed/reason : str (failed) 1 — why the load case was given up
 failed/pressure : float64 (failed, surface) Pa, optional — pressure on each surface
 failed/parameters : float64 (failed, parameter) 1, optional — parameters of each load case's shape
+failed/actuation : float64 (failed, actuator) 1, optional — what is given of each actuator
 """)
 STRUCTURED = MESH + _tree(f"""
 grid/node_at : int64 (*grid) 1 — node number at each grid point, -1 where the grid has no node
@@ -159,6 +168,7 @@ samples/force : float32 (sample, dim, *grid) N, sparse — nodal force, channels
 samples/displacement : float32 (sample, dim, *grid) m — nodal displacement, channels first, 0 where
     the grid has no node
 {_between("samples", "sample")}
+{ACTUATION}
 {STABLE}
 {PARAMETERS}
 """)
@@ -181,6 +191,7 @@ samples/nodal_force : float32 (sample, load, dim) N, sparse — force vector at 
 samples/nodal_displacement : float32 (sample, node, dim) m — displacement of every node in
     equilibrium
 {_between("samples", "sample")}
+{ACTUATION}
 {STABLE}
 {PARAMETERS}
 """)

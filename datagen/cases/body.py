@@ -96,8 +96,9 @@ def _with_problem(body: PlacedBody, mesh: Mesh, driven: Driven | None) -> Body:
     case = body.case
     drive = body.loads if driven is None else driven(mesh, body.held)
     known = mesh, case.material, body.held, case.solver, case.element, body.parts
+    following = (*drive.following, *body.loads.actuators.loads)
     try:
-        problem = EquilibriumProblem(*known, drive.moved, drive.surfaces, body.fibres)
+        problem = EquilibriumProblem(*known, drive.moved, following, body.fibres)
     except InputError as error:
         raise InputError(f"case '{case.name}': {error}") from None
     return Body(case, mesh, body.held, body.parts, body.fibres, body.loads, problem)

@@ -8,12 +8,13 @@ from typing import Any, Literal, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, SerializeAsAny, ValidationInfo, field_validator
+from pydantic import Field, SerializeAsAny, ValidationInfo, field_validator, model_validator
 
 from datagen.discretisation.element import Element
 from datagen.mesh.geometries import Geometry
 from datagen.mesh.mesh_file import MeshFile
 from datagen.solver.settings import SolverSettings
+from shared_schema.actuators import Actuator, actuators_of
 from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.configuration import (
     Frozen,
@@ -77,7 +78,10 @@ class Case(Frozen):
     supports : tuple of Support
         Regions whose nodes are clamped, or held in some components.
     load : LoadFamily, or tuple of some
-        Family of loads, of which every sample draws one; several act at once.
+        Family of loads, of which every sample draws one; several act at once. There may be none
+        beside actuators.
+    actuators : mapping of str to Cable or Chamber, optional
+        Cables and chambers by their names.
     solver : SolverSettings
         Newton's method, linear solver and load stepping.
     dataset : DatasetSettings
@@ -91,7 +95,8 @@ class Case(Frozen):
     material: SerializeAsAny[Material] | tuple[SerializeAsAny[Material], ...]
     element: Element = Field("linear", exclude_if=lambda element: element == "linear")
     supports: tuple[Support, ...] = Field(min_length=1)
-    load: SerializeAsAny[LoadFamily] | tuple[SerializeAsAny[LoadFamily], ...]
+    load: SerializeAsAny[LoadFamily] | tuple[SerializeAsAny[LoadFamily], ...] = ()
+    actuators: dict[str, SerializeAsAny[Actuator]] | None = Field(None, exclude_if=absent)
     solver: SolverSettings = SolverSettings()
     dataset: DatasetSettings
     units: Units = Field(SI, exclude_if=lambda units: units == SI)
@@ -115,7 +120,18 @@ class Case(Frozen):
             raise ValueError("the body can move and turn freely, expected a list of at least one")
         return value
 
-    @field_validator("load", "material")
+    @field_validator("actuators", mode="before")
+    @classmethod
+    def _of_their_kinds(cls, value: Any) -> Any:
+        return None if value is None else actuators_of(value)
+
+    @model_validator(mode="after")
+    def _is_driven(self) -> Case:
+        if self.load == () and not self.actuators:
+            raise ValueError("key 'load': expected a mapping, a list of at least one, or actuators")
+        return self
+
+    @field_validator("material")
     @classmethod
     def _is_not_empty(cls, value: Any) -> Any:
         if value == ():
@@ -279,16 +295,16 @@ class ShippedCase(NamedTuple):
 def shipped_cases() -> list[ShippedCase]:
     """List the cases that come with the package, by name."""
     return [
-        ShippedCase(
-            name, _mesh(case["mesh"]), _load(case["load"]), case["dataset"]["samples"], line
-        )
+        ShippedCase(name, _mesh(case["mesh"]), _load(case), case["dataset"]["samples"], line)
         for name, case, line in shipped_files(SHIPPED)
     ]
 
 
-def _load(load: Any) -> str:
-    """Name the load families of a case."""
-    return " + ".join(each["family"] for each in (load if isinstance(load, list) else [load]))
+def _load(case: dict[str, Any]) -> str:
+    """Name the load families and actuators of a case."""
+    load, actuators = case.get("load", []), case.get("actuators", {})
+    families = [each["family"] for each in (load if isinstance(load, list) else [load])]
+    return " + ".join([*families, *actuators])
 
 
 def _mesh(mesh: dict[str, Any]) -> str:

@@ -55,11 +55,11 @@ class PlacedBody:
 
     @property
     def loadable(self) -> NDArray[np.bool_]:
-        """Nodes that the load families may load, (n_nodes,)."""
+        """Nodes that load families and actuators may load, (n_nodes,)."""
         loadable = np.zeros(len(self.held), dtype=bool)
         for part in self.loads.parts:
             loadable[self.surface if part.family.touches else part.loadable.nodes] = True
-        return loadable & ~self.clamped
+        return (loadable | self.loads.actuated) & ~self.clamped
 
     @property
     def forces(self) -> Literal["consistent"] | None:
@@ -135,7 +135,8 @@ def placed(case: Case, mesh: RawMesh) -> PlacedBody:
             held[nodes_of(key, support, mesh, of_sides=True)] |= components
         if problem := motion_problem(mesh, held):
             raise InputError(f"key 'supports': {problem}")
-        loads = placed_loads(case.load, case.dataset.seed, mesh, held, points_of(case, mesh))
+        points = points_of(case, mesh)
+        loads = placed_loads(case.load, case.dataset.seed, mesh, held, points, case.actuators or {})
     except InputError as error:
         raise InputError(f"case '{case.name}': {error}") from None
     return PlacedBody(case, mesh, held, parts, fibres, loads)

@@ -52,6 +52,14 @@ def add_solve(commands: Commands) -> None:
         help="where the tool comes from, in m from its place; several in turn",
     )
     parser.add_argument(
+        "--actuate",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="what is given of an actuator of the case, such as left=2.5; or NAME.KIND=VALUE, such "
+        "as left.length=0.12 (tension, length, pressure, volume, gas); several",
+    )
+    parser.add_argument(
         "--start",
         type=Path,
         metavar="FILE.npz",
@@ -80,7 +88,7 @@ def _solve(options: argparse.Namespace) -> None:
     if comm.rank == 0:
         require_writable(options.out)
     loads = ("load", "forces", "held", "tool", "friction", "tool_from", "body_force", "nearest")
-    others = ("parameters", "start", "stresses", "volumetric", "changes", "trust")
+    others = ("parameters", "actuate", "start", "stresses", "volumetric", "changes", "trust")
     given = {name: getattr(options, name) for name in (*loads, *others)}
     solution = solve(options.case, **given, comm=comm)
     if comm.rank > 0:
@@ -96,6 +104,8 @@ def _solve(options: argparse.Namespace) -> None:
         print(note)
     if solution.contact is not None:
         print(contact_line(solution.contact, units))
+    for name, actuated in solution.actuators.items():
+        print(f"{name}: {actuated.written(units)}")
     print(
         f"{options.out}: largest displacement {solution.largest_displacement:.6g} {units.length}, "
         f"{stress}{begun[solution.origin]}{_stability(report)}{report.load_steps} load steps, "

@@ -103,10 +103,12 @@ def _on_mesh(case: Case) -> PlacedBody:
 
 def _forces_drawn(body: PlacedBody) -> ComponentStatistics:
     """Statistics of the forces of the first load cases; InputError if there are none."""
-    nothing = np.zeros(body.loads.loadable.positions.shape)
+    nothing = np.zeros(body.loads.positions.shape)
     statistics = RunningStatistics()
     for number in range(min(DRAWN, body.case.dataset.samples)):
-        nodes, forces, _ = body.loads.recorded(body.loads[number], nothing)
+        load = body.loads[number]
+        given = [c.value if c.gives_amplitude else 0.0 for c in load.actuation]
+        nodes, forces, _ = body.loads.recorded(load, nothing, amplitudes=np.array(given))
         force = scatter_forces(nodes, forces, len(body.held))
         statistics.add(force.T[None].astype(np.float32))
     found = statistics.result()

@@ -12,6 +12,7 @@ import numpy as np
 from datagen.cases.body import Body
 from datagen.cases.case import Case
 from datagen.ranks import on_rank_zero
+from datagen.solver.following_loads import found_actuation
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.tool_contact import INSIDE, touched
 from datagen.stability import with_stability
@@ -97,7 +98,7 @@ class ShardJob:
         began = time.perf_counter()
         self._put(body, load.tool)
         acting = problem, load.nodes, load.forces, case.solver
-        driven = load.pressures, load.displacement
+        driven = load.controls, load.displacement
         report = solve_load_case(*acting, *driven, between=load.between)
         report = with_stability(problem, report, case.solver)
         elapsed = time.perf_counter() - began
@@ -106,7 +107,12 @@ class ShardJob:
         contact = None if touch is None else touch.found(displacement)
         if contact is not None and contact.penetration > INSIDE * np.ptp(body.mesh.coordinates):
             report = replace(report, solved=False, explanation="a node is inside the tool")
-        self.results.append(Result(number, load, grip, contact, displacement, report, elapsed))
+        actuated = found_actuation(problem, len(load.actuation))
+        if report.solved and (said := body.loads.actuators.wall_problem(problem.positions())):
+            report = replace(report, solved=False, explanation=said)
+        self.results.append(
+            Result(number, load, grip, contact, displacement, report, elapsed, actuated)
+        )
         return report.solved
 
     def _put(self, body: Body, tool: Sphere | None) -> None:

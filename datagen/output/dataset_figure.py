@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from datagen.output.nodal_samples import DatasetBody, NodalSamples, Sample
 from shared_schema.common.arguments import checked_arguments
+from shared_schema.common.bodies.cables import Cable
 from shared_schema.common.drawing.drawing import Drawing
 from shared_schema.common.drawing.figure_style import (
     NETWORK,
@@ -39,6 +40,7 @@ ROUNDING = 1e-12  # of the largest resultant and moment: smaller ones are roundi
 HIGHEST = 1.2  # largest height of a panel over its width; a higher body is drawn narrower
 FACE = "#fbefef"  # face colour of a deformed body
 FIBRES = "#b8860b", "#2e8b57", "#7b3294", "#c51b7d"  # of the families
+CABLE = "#1f6f4a"
 SUPPORT, REST = "black", "0.45"
 CELLS = {
     "quad": "quadrilaterals",
@@ -131,6 +133,7 @@ def _draw_marks(drawing: Drawing, dataset: DatasetBody) -> None:
     drawing.body(x, UNDEFORMED, "white", linewidth=_line(dataset))
     for family, color in zip(_families(dataset), FIBRES, strict=False):
         drawing.directions(family, color, linewidth=2 * _line(dataset))
+    _draw_cables(drawing, dataset, x)
     drawing.markers(x[dataset.clamped], SUPPORT, marker="s", s=size)
     drawing.markers(x[dataset.loadable], NETWORK, marker="o", s=size)
 
@@ -140,6 +143,7 @@ def _draw_sample(drawing: Drawing, dataset: DatasetBody, sample: Sample) -> None
     x = sample.coordinates + sample.displacement
     drawing.body(x, REFERENCE, FACE, linewidth=_line(dataset))
     drawing.undeformed(REST, None, linewidth=max(0.3, 0.7 * _line(dataset)))
+    _draw_cables(drawing, dataset, x)
     said = drawing.forces(x, sample.force)
     largest = np.linalg.norm(sample.displacement, axis=1).max()
     title = f"sample {sample.number}: displaced by up to {largest:.3g} {dataset.units.length}"
@@ -159,6 +163,13 @@ def _shape_of(dataset: DatasetBody, sample: Sample) -> DatasetBody:
     body = copy(dataset)
     body.coordinates = sample.coordinates
     return body
+
+
+def _draw_cables(drawing: Drawing, dataset: DatasetBody, x: Array) -> None:
+    """Draw the cables of the body with nodes at x."""
+    for load in dataset.actuators.loads:
+        if isinstance(load, Cable):
+            drawing.line(load.places(x), CABLE)
 
 
 def resultant_of(force: Array, coordinates: Array) -> tuple[float, float]:
@@ -205,6 +216,8 @@ def _draw_key(axes: Axes, dataset: DatasetBody) -> None:
         Line2D([], [], color=color, lw=1.4, label=f"fibres {number}" if several else "fibres")
         for number, color in zip(range(1, 1 + len(_families(dataset))), FIBRES, strict=False)
     ]
+    if any(isinstance(load, Cable) for load in dataset.actuators.loads):
+        handles.append(Line2D([], [], color=CABLE, lw=1.4, label="cable"))
     if manifest.samples:
         handles += [
             Line2D([], [], color=REST, lw=0.8, ls="dashed", label="undeformed"),

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from datagen.discretisation.element import element_kind
+from shared_schema.actuators import KINDS, UNITS, actuators_of
 from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.bodies.shape_family import NAMES, RANGES
 from shared_schema.common.machine import megabytes
@@ -19,6 +20,7 @@ from shared_schema.manifest import Manifest, find_unfinished, growing
 Row = tuple[str, str]
 
 COUNTS = ("load_steps", "cutbacks", "newton_iterations")
+ACTUATED = ("actuation", "amplitude", "quantity")
 
 
 @checked_arguments
@@ -117,8 +119,8 @@ def _nodal(reader: DatasetReader) -> list[Row]:
         loads += np.bincount(nodes[nodes != NO_NODE], minlength=len(loads))
         columns["force"].append(np.array([force.min(), force.max()]))
         columns["moved"].append(np.linalg.norm(arrays["samples/displacement"], axis=2).max(axis=1))
-        for name in (*COUNTS, "residual_norm", "wall_time"):
-            columns[name].append(arrays[f"samples/{name}"])
+        for name in (*COUNTS, "residual_norm", "wall_time", *ACTUATED):
+            columns[name].append(arrays.get(f"samples/{name}", np.zeros((1, 0))))
     rows = [(f"failed: {reason}", str(count)) for reason, count in reasons.most_common()]
     if reader.manifest.samples == 0:
         return rows
@@ -133,6 +135,7 @@ def _nodal(reader: DatasetReader) -> list[Row]:
             "largest |u| of a sample",
             f"median {np.median(of['moved']):.4g}, max {of['moved'].max():.4g} {units.length}",
         ),
+        *_actuators(reader.manifest, units, *(of[name] for name in ACTUATED)),
         ("load steps", _mean_and_max(of["load_steps"])),
         ("cutbacks", _mean_and_max(of["cutbacks"])),
         ("Newton iterations", _mean_and_max(of["newton_iterations"])),
@@ -142,6 +145,25 @@ def _nodal(reader: DatasetReader) -> list[Row]:
             f"{wall.sum():.4g} s in all, median {np.median(wall) * 1e3:.4g} ms a sample",
         ),
     ]
+
+
+def _actuators(manifest: Manifest, units: Units, *columns: np.ndarray) -> list[Row]:
+    """What is given and found of each actuator."""
+    rows, known = [], actuators_of(manifest.case.get("actuators") or {})
+    for number, (name, actuator) in enumerate(known.items()):
+        amplitude, quantity = UNITS[KINDS[actuator.kind][1]]
+        values = zip(
+            (actuator.kind, amplitude[0], quantity[0]),
+            columns,
+            (KINDS[actuator.kind][0], amplitude[1], quantity[1]),
+            strict=True,
+        )
+        said = {
+            f"{what} {of[:, number].min():.4g} to {of[:, number].max():.4g} {units.named(unit)}"
+            for what, of, unit in values
+        }
+        rows.append((f"actuator {name}", ", ".join(sorted(said))))
+    return rows
 
 
 def _structured(manifest: Manifest) -> list[Row]:

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from shared_schema.actuators import PlacedActuators, actuators_of, placed_actuators
+from shared_schema.common.bodies.command_loads import LoadedBody
+from shared_schema.common.bodies.groups import groups_of, parts_of
 from shared_schema.common.bodies.nodal_forces import scatter_forces
 from shared_schema.common.bodies.shape_family import TERMS
 from shared_schema.common.errors import InputError
@@ -42,6 +46,8 @@ class DatasetBody:
     clamped, loadable : array of bool, (n_nodes,)
     fibres : array, (n_cells, families, d), or None
         Directions of fibres, if a material has some.
+    held : array of bool, (n_nodes, d)
+        Components of displacement that supports hold.
     """
 
     def __init__(self, reader: DatasetReader, arrays: Arrays) -> None:
@@ -53,6 +59,27 @@ class DatasetBody:
         self.loadable: NDArray[np.bool_] = arrays["mesh/loadable"]
         self.fibres: NDArray[np.float64] | None = arrays.get("mesh/fibres")
         self.cell_type, self.has_shapes = reader.cell_type, TERMS in arrays
+        single = arrays.get("mesh/held")
+        whole = np.repeat(self.clamped[:, None], self.coordinates.shape[1], axis=1)
+        self.held: NDArray[np.bool_] = whole if single is None else single
+        self._groups = groups_of(arrays), parts_of(arrays, self.cell_type)
+
+    @cached_property
+    def actuators(self) -> PlacedActuators:
+        """Cables and chambers of the case, on the nodes of the mesh.
+
+        Raises
+        ------
+        InputError
+            If they do not fit the mesh.
+        """
+        (groups, parts), content = self._groups, self.manifest.case.get("actuators") or {}
+        known = self.coordinates, self.cells, self.cell_type, self.held
+        try:
+            found = actuators_of(content)
+        except ValueError as error:
+            raise InputError(f"{self.manifest.name}: key 'actuators': {error}") from None
+        return placed_actuators(found, LoadedBody(*known, groups, parts=parts))
 
 
 @dataclass(frozen=True)
@@ -70,6 +97,8 @@ class Sample:
         Pressure on each surface in Pa.
     coordinates : array, (n_nodes, d)
         Of the undeformed body, in m.
+    amplitudes : array, (n_actuators,)
+        Tension in N or pressure in Pa of each actuator.
     """
 
     number: int
@@ -77,6 +106,7 @@ class Sample:
     displacement: NDArray[np.float64]
     pressures: NDArray[np.float64]
     coordinates: NDArray[np.float64]
+    amplitudes: NDArray[np.float64]
 
 
 class NodalSamples(DatasetBody):
@@ -88,8 +118,6 @@ class NodalSamples(DatasetBody):
 
     Attributes
     ----------
-    held : array of bool, (n_nodes, d)
-        Components of displacement that supports hold.
     parts : array of int, (n_cells,), or None
         Position of each cell's material in the case, if it has several.
     surfaces : list of array of int, (n_facets, n_corners)
@@ -120,9 +148,6 @@ class NodalSamples(DatasetBody):
         self.numbers = np.array(sorted(largest))
         self.largest = np.array([largest[number] for number in sorted(largest)])
         super().__init__(self._reader, self._arrays)
-        single = self._arrays.get("mesh/held")
-        whole = np.repeat(self.clamped[:, None], self.coordinates.shape[1], axis=1)
-        self.held: NDArray[np.bool_] = whole if single is None else single
         self.parts: NDArray[np.int64] | None = self._arrays.get("mesh/material")
         self.surfaces: list[NDArray[np.int64]] = []
         if "mesh/pressed" in self._arrays:
@@ -145,7 +170,9 @@ class NodalSamples(DatasetBody):
             pressures = self._arrays["samples/pressure"][row]
         shapes = self._arrays.get("samples/coordinates")
         x = self.coordinates if shapes is None else shapes[row]
-        return Sample(number, force, self._arrays["samples/displacement"][row], pressures, x)
+        amplitudes = self._arrays.get("samples/amplitude", np.zeros((row + 1, 0)))[row]
+        displacement = self._arrays["samples/displacement"][row]
+        return Sample(number, force, displacement, pressures, x, amplitudes)
 
     def named(self, text: str) -> list[int]:
         """Parse ``--samples N,N,…``, the numbers of solved samples; keep their order.

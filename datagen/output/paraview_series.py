@@ -110,6 +110,8 @@ def _with_stresses(dataset: NodalSamples, folder: Path) -> Callable[[Sample], Fi
     from datagen.output.cell_stresses import CellStresses, reactions_of_supports
     from datagen.solver.equilibrium import EquilibriumProblem
     from datagen.solver.settings import SolverSettings
+    from shared_schema.actuators import pressed
+    from shared_schema.common.bodies.following_loads import PressedSurface
     from shared_schema.common.bodies.groups import RawMesh
 
     element = dataset.manifest.case.get("element", "linear")
@@ -130,7 +132,7 @@ def _with_stresses(dataset: NodalSamples, folder: Path) -> Callable[[Sample], Fi
         SolverSettings(tolerance=1.0, linear_solver="lu"),  # nothing is solved
         element,
         parts=dataset.parts,
-        surfaces=dataset.surfaces,
+        following=(*map(PressedSurface, dataset.surfaces), *dataset.actuators.loads),
         fibres=dataset.fibres,
     )
     cells = CellStresses(problem, as_tuple(material), dataset.parts)
@@ -138,7 +140,7 @@ def _with_stresses(dataset: NodalSamples, folder: Path) -> Callable[[Sample], Fi
     problem.load_factor = 1.0
 
     def fields(sample: Sample) -> Fields:
-        problem.set_load(*nothing, pressures=sample.pressures)
+        problem.set_load(*nothing, pressed((*sample.pressures, *sample.amplitudes)))
         problem.set_displacement(sample.displacement)
         nodal, _ = _fields(sample)
         reaction = in_space(reactions_of_supports(problem, dataset.held))

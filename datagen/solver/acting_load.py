@@ -1,16 +1,11 @@
-r"""The load on a body: dead forces, pressures that follow the surface, and a rigid tool.
+r"""The load on a body: dead forces, loads that follow it, and a rigid tool.
 
 .. math:: f(u) = f + f_p(u) + f_c(u)
 
 All forces act on the points of the elements: the nodes and, in quadratic elements, those between
-them. f in N does not change; :math:`f_c` is that of `datagen.solver.tool_contact`, at the nodes
-alone. A pressure follows the deformed surface:
-
-.. math:: f_{p,a}(u) = -p \int_{Γ(u)} N_a \, n \, dS
-
-and its derivative with respect to u, which the tangent of the body lacks, are those of
-`shared_schema.common.bodies.distributed_loads`. A facet of a quadratic element is deformed with all
-its points.
+them. f in N does not change; :math:`f_p` are those of pressures and cables
+(`datagen.solver.following_loads`), and :math:`f_c` those of `datagen.solver.tool_contact`, at the
+nodes alone.
 """
 
 from __future__ import annotations
@@ -23,62 +18,14 @@ from petsc4py import PETSc
 
 from datagen.discretisation.unknowns import Unknowns
 from datagen.mesh.distributed_mesh import Mesh
+from datagen.solver.following_loads import FollowingLoads
 from datagen.solver.supports import Supports
 from datagen.solver.tool_contact import ToolContact
-from shared_schema.common.bodies.distributed_loads import facet_derivatives, pressure_forces
+from shared_schema.actuators import Control
+from shared_schema.common.bodies.following_loads import FollowingLoad
 from shared_schema.common.bodies.nodal_forces import scatter_forces, sum_per_node
 
 Array = NDArray[np.float64]
-
-
-class FollowerPressure:
-    """Pressures on surfaces of a body that may be distributed over ranks.
-
-    Every rank looks at all facets and keeps the rows of its own points.
-
-    Parameters
-    ----------
-    coordinates : array, (n_points, d)
-        Undeformed positions of the points of the elements in m, the same on every rank.
-    surfaces : sequence of array of int, (n_facets, n_points of a facet)
-        Facets of every surface by numbers of points, seen from outside.
-    rows, columns : array of int, (n_points, d)
-        Rows of the matrix, and its columns, of every point; -1 where they are not to be changed.
-
-    Attributes
-    ----------
-    pressures : array, (n_surfaces,)
-        Pressure on each surface in Pa.
-    """
-
-    def __init__(
-        self,
-        coordinates: Array,
-        surfaces: Sequence[NDArray[np.int64]],
-        rows: NDArray[np.int32],
-        columns: NDArray[np.int32],
-    ) -> None:
-        self._coordinates, self._surfaces = coordinates, surfaces
-        self.pressures = np.zeros(len(surfaces))
-        self._rows, self._columns = rows, columns
-
-    def forces(self, u: Array) -> Array:
-        """Forces of the full pressures at a displacement in m: (n_points, d) in N."""
-        total = np.zeros(u.shape)
-        for facets, pressure in zip(self._surfaces, self.pressures, strict=True):
-            if pressure:
-                total += pressure_forces(self._coordinates + u, facets, pressure)
-        return total
-
-    def add_tangent(self, matrix: PETSc.Mat, u: Array, factor: float) -> None:
-        """Add the derivative of −factor · `forces` to the matrix (collective)."""
-        for facets, pressure in zip(self._surfaces, self.pressures, strict=True):
-            if pressure:
-                blocks = -factor * facet_derivatives(self._coordinates + u, facets, pressure)
-                for points, block in zip(facets, blocks, strict=True):
-                    rows, columns = self._rows[points].ravel(), self._columns[points].ravel()
-                    matrix.setValues(rows, columns, block, addv=PETSc.InsertMode.ADD_VALUES)
-        matrix.assemble()
 
 
 class ActingLoad:
@@ -89,14 +36,17 @@ class ActingLoad:
     mesh : Mesh
     unknowns : Unknowns
     supports : Supports
-    surfaces : sequence of array of int, (n_facets, n_points of a facet)
-        Facets under pressures, by numbers of points and seen from outside; with their corners
-        alone, a pressure acts on the facets that these span.
+    following : sequence of FollowingLoad
+        Pressures and cables. With its corners alone, a pressure acts on the facet that these span.
 
     Attributes
     ----------
     norm : float
-        2-norm of f, and of the pressures' forces on the undeformed body, in N.
+        2-norm of f, and of the given pressures and tensions on the undeformed body, in N.
+    following : FollowingLoads or None
+        Pressures and cables.
+    follow_norm : float
+        2-norm of the forces of amplitudes that are not given, when last subtracted, in N.
     contact : ToolContact or None
         Contact with a tool.
     touch_norm : float
@@ -108,20 +58,21 @@ class ActingLoad:
         mesh: Mesh,
         unknowns: Unknowns,
         supports: Supports,
-        surfaces: Sequence[NDArray[np.int64]],
+        following: Sequence[FollowingLoad],
     ) -> None:
         self._unknowns, self._mesh, self._points = unknowns, mesh, unknowns.points
         nodes, d = mesh.coordinates.shape
         self._shape = (nodes if self._points is None else self._points.count, d)
         self._dofs, self._values = np.empty(0, dtype=np.intp), np.empty(0)
-        self.norm = self.touch_norm = 0.0
+        self._dead = np.zeros(self._shape)
+        self.norm = self.touch_norm = self.follow_norm = 0.0
         self.contact: ToolContact | None = None
-        self._pressure: FollowerPressure | None = None
-        if len(surfaces):
+        self.following: FollowingLoads | None = None
+        if len(following):
             x = mesh.coordinates
-            self._pressure = FollowerPressure(
+            self.following = FollowingLoads(
                 x if self._points is None else self._points.interpolated(x),
-                surfaces,
+                following,
                 *self.rows_and_columns(supports),
             )
 
@@ -129,7 +80,7 @@ class ActingLoad:
         self,
         nodes: NDArray[np.int64],
         forces: Array,
-        pressures: Array | None,
+        controls: Sequence[Control],
         between: Array | None = None,
     ) -> None:
         """Replace the load (`EquilibriumProblem.set_load`)."""
@@ -139,47 +90,75 @@ class ActingLoad:
             forces = self._points.on_points(of_nodes, between)
             points = np.flatnonzero(forces.any(axis=1))
             forces = forces[points]
+        self._dead = scatter_forces(points, forces, self._shape[0])
         positions, blocks = self._unknowns.point_numbering.owned_blocks(points)
         self._dofs = self._unknowns.point_dofs[blocks].ravel().astype(np.intp)
         self._values = np.ascontiguousarray(forces[positions]).ravel()
         self.norm = float(np.linalg.norm(forces))
-        if self._pressure is not None:
-            self._pressure.pressures[:] = 0.0 if pressures is None else pressures
-            if self._pressure.pressures.any():
-                at_rest = self._pressure.forces(np.zeros(self._shape))
-                self.norm = float(np.hypot(self.norm, np.linalg.norm(at_rest)))
+        if self.following is not None:
+            self.following.control(controls)
+            at_rest = self.following.forces(np.zeros(self._shape), 1.0)
+            self.norm = float(np.hypot(self.norm, np.linalg.norm(at_rest)))
 
     @property
     def presses(self) -> bool:
-        """True if a pressure or a tool acts: forces that depend on the displacement."""
-        pressed = self._pressure is not None and bool(self._pressure.pressures.any())
-        return pressed or self.contact is not None
+        """True if a pressure, cable or tool acts: forces that depend on the displacement."""
+        follows = self.following is not None and self.following.acts
+        return follows or self.contact is not None
+
+    @property
+    def is_bordered(self) -> bool:
+        """True if amplitudes of following loads are unknowns."""
+        return self.following is not None and len(self.following.unknown) > 0
+
+    def coupled(self) -> list[NDArray[np.intp]]:
+        """Entries of this rank's state that each part of a following load couples."""
+        if self.following is None:
+            return []
+        place = np.full(self._shape[0], -1)
+        here = self._unknowns.point_numbering.node_of_block
+        place[here] = np.arange(len(here))
+        at_rest = np.zeros(self._shape)
+        found = []
+        for points in self.following.coupled(at_rest):
+            blocks = place[points]
+            found.append(self._unknowns.point_dofs[blocks[blocks >= 0]].ravel().astype(np.intp))
+        return found
 
     def work(self) -> float:
         """Work f · u of the dead forces of this rank at the current state, in J."""
         return float(self._unknowns.state.x.array[self._dofs] @ self._values)
 
+    def dead_forces(self) -> Array:
+        """Dead forces on all points: (n_points, d) in N, the same on every rank."""
+        return self._dead
+
     def subtract_forces(self, b: PETSc.Vec, load_factor: float) -> None:
         """Subtract s f from a vector of forces in N."""
         b.array_w[self._dofs] -= load_factor * self._values
 
-    def subtract_pressures(self, b: PETSc.Vec, load_factor: float, u: Array) -> None:
-        """Subtract s f_p(u) and f_c(u) of a displacement of all points, (n_points, d) in m."""
-        numbering, pushed = self._unknowns.point_numbering, np.zeros(self._shape)
-        nodes = len(self._mesh.coordinates)
-        if self._pressure is not None:
-            pushed += load_factor * self._pressure.forces(u)
+    def subtract_following(self, b: PETSc.Vec, load_factor: float, u: Array) -> None:
+        """Subtract f_p(u) and f_c(u) of a displacement of all points, (n_points, d) in m."""
+        pushed, nodes = np.zeros(self._shape), len(self._mesh.coordinates)
+        if self.following is not None:
+            pushed += self.following.forces(u, load_factor)
+            self.follow_norm = self.following.norm_of_unknown(u)
         if self.contact is not None:
             touch = self.contact.forces(u[:nodes], load_factor)
             self.touch_norm = float(np.linalg.norm(touch))
             pushed[:nodes] += touch
-        of_rank = pushed[numbering.node_of_block[: numbering.owned]]
-        b.array_w[self._unknowns.point_dofs[: numbering.owned]] -= of_rank
+        self.add_to(b, -pushed)
+
+    def add_to(self, b: PETSc.Vec, forces: Array) -> None:
+        """Add forces on all points, (n_points, d) in N and the same on every rank, to a vector."""
+        numbering = self._unknowns.point_numbering
+        of_rank = forces[numbering.node_of_block[: numbering.owned]]
+        b.array_w[self._unknowns.point_dofs[: numbering.owned]] += of_rank
 
     def add_tangent(self, matrix: PETSc.Mat, load_factor: float, u: Array) -> None:
-        """Add −s ∂f_p/∂u − ∂f_c/∂u at a displacement, (n_points, d) in m (collective)."""
-        if self._pressure is not None:
-            self._pressure.add_tangent(matrix, u, load_factor)
+        """Add −∂f_p/∂u − ∂f_c/∂u at a displacement, (n_points, d) in m (collective)."""
+        if self.following is not None:
+            self.following.add_tangent(matrix, u, load_factor)
         if self.contact is not None:
             self.contact.add_tangent(matrix, u[: len(self._mesh.coordinates)], load_factor)
 

@@ -16,6 +16,7 @@ The smallest J = det F over all Gauss points guards against inverted elements.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -62,6 +63,7 @@ def sparsity(
     block_size: int,
     dropped_rows: NDArray[np.bool_],
     dropped_columns: NDArray[np.bool_],
+    coupled: Sequence[NDArray[np.integer[Any]]] = (),
 ) -> Sparsity:
     """Find the sparsity of a matrix.
 
@@ -75,11 +77,14 @@ def sparsity(
         Number of consecutive degrees of freedom that every cell couples alike.
     dropped_rows, dropped_columns : array of bool, (size,)
         Degrees of freedom whose rows, or columns, are not assembled.
+    coupled : sequence of array of int
+        Degrees of freedom that are coupled as well, by cables from cell to cell.
     """
     blocks = dofs[:, ::block_size] // block_size
     rows, per_row = size // block_size, blocks.shape[1]
     keys = blocks[:, :, None].astype(np.int64) * rows + blocks[:, None, :]
-    found = np.unique(keys)
+    pairs = [np.add.outer(some * rows, some).ravel() for some in _blocks(coupled, block_size)]
+    found = np.unique(np.concatenate([keys.ravel(), *pairs]))
     starts = np.searchsorted(found, np.arange(rows + 1, dtype=np.int64) * rows)
     columns = found % rows
     width = np.diff(starts)  # number of blocks in every row of blocks
@@ -111,6 +116,10 @@ def sparsity(
         np.ascontiguousarray(places.reshape(len(dofs), -1), dtype=np.int32),
         np.flatnonzero(row_of == indices),
     )
+
+
+def _blocks(dofs: Sequence[NDArray[np.integer[Any]]], block_size: int) -> list[NDArray[np.int64]]:
+    return [np.unique(some.astype(np.int64) // block_size) for some in dofs]
 
 
 class MinimumJ:
@@ -161,6 +170,8 @@ class Assembly:
         Entries with a prescribed displacement, ghosts included: the tangent has the rows of the
         identity there, and keeps their columns, so that a Newton step moves the rest of the body
         with them.
+    coupled : sequence of array of int
+        Entries that the tangents of loads couple, on one rank.
 
     Attributes
     ----------
@@ -175,6 +186,7 @@ class Assembly:
         unknowns: Unknowns,
         held: NDArray[np.intp],
         moved: NDArray[np.intp],
+        coupled: Sequence[NDArray[np.intp]] = (),
     ) -> None:
         space, dofs, size = (
             unknowns.state.function_space,
@@ -186,7 +198,9 @@ class Assembly:
         columns[held] = True
         rows = columns.copy()
         rows[moved] = True
-        pattern = sparsity(dofs, size, block_size, rows, columns)
+        self._is_alone = space.mesh.comm.size == 1
+        pairs = coupled if self._is_alone else ()
+        pattern = sparsity(dofs, size, block_size, rows, columns, pairs)
         owned = rows[: unknowns.owned]
         self._diagonal = pattern.diagonal[: unknowns.owned][owned]
         self._forces = forms.loop(forms.internal, unknowns, dofs, size)
@@ -196,7 +210,6 @@ class Assembly:
         )
         self._values = self._tangent.values[:-1]
         self._compressed = pattern.indptr, pattern.indices, self._values
-        self._is_alone = space.mesh.comm.size == 1
         if self._is_alone:
             shape = size, size
             self.matrix = PETSc.Mat().createAIJWithArrays(
@@ -206,6 +219,8 @@ class Assembly:
         else:
             product = ufl.inner(ufl.TrialFunction(space), ufl.TestFunction(space)) * ufl.dx
             self.matrix = fem_petsc.create_matrix(form(product, COMPILER_OPTIONS))
+            if len(coupled):  # PETSc finds their places when they come first
+                self.matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
 
     def assemble_tangent(self) -> None:
         """Assemble the matrix at the current state in N/m, the identity in the fixed rows."""

@@ -3,14 +3,14 @@ r"""Equilibrium of one body under loads.
 The unknown is the displacement :math:`u`, (n_nodes, d) in m. In equilibrium the residual vanishes
 (Deshpande et al. 2022, Eq. res):
 
-.. math:: R(u) = f_{int}(u) - s f - s f_p(u) = 0 \quad \text{at free nodes}, \qquad
+.. math:: R(u) = f_{int}(u) - s f - f_p(u) = 0 \quad \text{at free nodes}, \qquad
           u = 0 \quad \text{at clamped nodes}, \qquad u = s \bar u \quad \text{where prescribed},
 
 with the internal forces :math:`f_{int}` of `datagen.solver.weak_form`, the dead load
-:math:`f` in N, the forces :math:`f_p` of pressures that follow the surface
-(`datagen.solver.acting_load`), and the load factor :math:`s`, the part of the load that acts.
-Newton's method (`datagen.solver.newton`) finds u with the tangent
-:math:`K = ∂f_{int}/∂u - s \, ∂f_p/∂u`. In the rows of known displacements
+:math:`f` in N, the forces :math:`f_p` of pressures and cables
+(`datagen.solver.following_loads`), which grow with s as well, and the load factor :math:`s`, the
+part of the load that acts. Newton's method (`datagen.solver.newton`) finds u with the tangent
+:math:`K = ∂f_{int}/∂u - ∂f_p/∂u`. In the rows of known displacements
 (`datagen.solver.supports`) the residual is u, or :math:`u - s \bar u`, and the tangent is the
 identity; the first step moves the rest of the body with a prescribed displacement.
 
@@ -39,6 +39,12 @@ from datagen.dolfinx_versions import create_vector
 from datagen.mesh.distributed_mesh import Mesh
 from datagen.solver.acting_load import ActingLoad
 from datagen.solver.assembly import Assembly, MinimumJ
+from datagen.solver.bordered_newton import (
+    Border,
+    UnknownAmplitudes,
+    UnknownLoadFactor,
+    solve_bordered,
+)
 from datagen.solver.corotation import Corotation
 from datagen.solver.linear_solver import chosen_solver
 from datagen.solver.load_series import LoadSeries
@@ -47,7 +53,9 @@ from datagen.solver.settings import SolverSettings
 from datagen.solver.strain_energy import fibre_field
 from datagen.solver.supports import Drag, Supports
 from datagen.solver.weak_form import weak_form
+from shared_schema.actuators import Control
 from shared_schema.common.bodies.equilibrium import ForceTolerance, mean_edge
+from shared_schema.common.bodies.following_loads import FollowingLoad
 from shared_schema.materials import Material
 
 INVERTED = "inverted element (J <= 0)"
@@ -55,7 +63,7 @@ LINEAR_LOADS = 1e6  # loads below so many times the rounding errors of the resid
 
 
 class EquilibriumProblem:
-    """R(u) = f_int(u) − s f − s f_p(u) = 0 on one mesh; forms, matrix and solver are built once.
+    """R(u) = f_int(u) − s f − f_p(u) = 0 on one mesh; forms, matrix and solver are built once.
 
     Parameters
     ----------
@@ -70,8 +78,8 @@ class EquilibriumProblem:
         Position of each cell's material in the sequence.
     moved : array of bool, (n_nodes, d), optional
         Components whose displacement is prescribed by the loads.
-    surfaces : sequence of array of int, (n_facets, n_points of a facet)
-        Facets under pressures that follow them, by numbers of points and seen from outside.
+    following : sequence of FollowingLoad
+        Pressures and cables.
 
     Raises
     ------
@@ -129,7 +137,7 @@ class EquilibriumProblem:
         element: Element = "linear",
         parts: NDArray[np.int64] | None = None,
         moved: NDArray[np.bool_] | None = None,
-        surfaces: Sequence[NDArray[np.int64]] = (),
+        following: Sequence[FollowingLoad] = (),
         fibres: NDArray[np.float64] | None = None,
     ) -> None:
         self.mesh, self.comm = mesh, mesh.domain.comm
@@ -147,8 +155,8 @@ class EquilibriumProblem:
         self.supports = Supports(
             self.unknowns, held, np.zeros_like(held) if moved is None else moved
         )
-        self.load = ActingLoad(mesh, self.unknowns, self.supports, surfaces)
-        fixed = self.supports.held_dofs, self.supports.moved_dofs
+        self.load = ActingLoad(mesh, self.unknowns, self.supports, following)
+        fixed = self.supports.held_dofs, self.supports.moved_dofs, self.load.coupled()
         self._assembly = Assembly(self.forms, self.unknowns, *fixed)
         self.matrix = self._assembly.matrix
         self._min_j = MinimumJ(self.unknowns, self.kind)
@@ -193,19 +201,25 @@ class EquilibriumProblem:
 
     @property
     def _has_unknown_forces(self) -> bool:
-        """True if a grip or a tool acts, whose forces are those that hold it where it is."""
-        return self.supports.has_grip or self.load.contact is not None
+        """True if there are forces that are not given: of a grip, a tool, a chamber of fluid."""
+        return self.supports.has_grip or self.load.contact is not None or self.load.is_bordered
 
     @property
     def is_dead(self) -> bool:
         """True if the load consists of dead forces, which have a potential."""
         return not self.load.presses and not self.supports.has_grip
 
+    @property
+    def has_path(self) -> bool:
+        """True if pressures or tensions are given, and all other forces are dead ones."""
+        following = self.load.following
+        return following is not None and following.acts and not self._has_unknown_forces
+
     def set_load(
         self,
         nodes: NDArray[np.int64],
         forces: NDArray[np.float64],
-        pressures: NDArray[np.float64] | None = None,
+        controls: Sequence[Control] = (),
         displacement: NDArray[np.float64] | None = None,
         between: NDArray[np.float64] | None = None,
     ) -> None:
@@ -217,8 +231,8 @@ class EquilibriumProblem:
             Loaded nodes, by node number; the same on every rank. Forces on one node add up.
         forces : array, (n_loads, d)
             Force vector at each of them, in N; the same on every rank.
-        pressures : array, (n_surfaces,), optional
-            Pressure on each surface, in Pa; 0 by default.
+        controls : sequence of Control, optional
+            What is given of each following load; by default they do not act.
         displacement : array, (n_nodes, d), optional
             Displacement of the moved components in m; 0 by default.
         between : array, (n_between, d), optional
@@ -226,9 +240,9 @@ class EquilibriumProblem:
             default. Other elements ignore them.
         """
         moves = self.supports.prescribe(displacement)
-        self.load.set(nodes, forces, pressures, between)
+        self.load.set(nodes, forces, controls, between)
         self._grip_norm = 0.0
-        self._is_loaded = self.load.norm > 0.0 or moves or self.load.contact is not None
+        self._is_loaded = self.load.norm > 0.0 or moves or self._has_unknown_forces
         if self._settings.tolerance is not None:
             self.newton.stop_at(self.relative_tolerance(0.0), self._round_off.at_rest)
 
@@ -264,6 +278,8 @@ class EquilibriumProblem:
         multipliers = None if contact is None else contact.state()
         self._predict_from_here()
         self._x.array_w[:] = self.u.x.array[: self._x.local_size]
+        if self.load.is_bordered:
+            return self._solved_with(UnknownAmplitudes(self))
         reason, iterations, residual_norm = self.newton.solve(
             self._x,
             is_loaded=self._is_loaded,
@@ -278,6 +294,9 @@ class EquilibriumProblem:
             reason = reasons.CONVERGED_FNORM_ABS
         if contact is not None and multipliers is not None and reason <= 0:
             contact.restore(multipliers)
+        return self._result(reason, iterations, residual_norm)
+
+    def _result(self, reason: int, iterations: int, residual_norm: float) -> NewtonResult:
         return NewtonResult(
             converged=reason > 0,
             reason=reason,
@@ -285,6 +304,26 @@ class EquilibriumProblem:
             iterations=iterations,
             residual_norm=residual_norm,
         )
+
+    def solve_on_path(self, path: UnknownLoadFactor) -> NewtonResult:
+        """Solve R(u, s) = 0 for displacement and load factor, from both as they are (collective).
+
+        Afterwards they are the last iterate, converged or not, as `solve` leaves them.
+        """
+        self._inverted = False
+        self._predict_from_here()
+        self._x.array_w[:] = self.u.x.array[: self._x.local_size]
+        return self._solved_with(path)
+
+    def _solved_with(self, border: Border) -> NewtonResult:
+        """Solve with unknowns beside the state, from `_x`; they are as before if that fails."""
+        following = self.load.following
+        found = None if following is None else following.found.copy()
+        result = solve_bordered(self, border, self._x, self._settings.max_iterations)
+        self._take(self._x)
+        if following is not None and result[0] <= 0:
+            following.found[:] = found
+        return self._result(*result)
 
     def residual_at(self, owned: NDArray[np.float64], load_factor: float) -> NDArray[np.float64]:
         """R by the unknowns that this rank owns (collective); NaN where a cell is inverted."""
@@ -305,6 +344,8 @@ class EquilibriumProblem:
     def reset(self) -> None:
         """Set the displacement and all other unknowns to zero."""
         self.u.x.array[:] = 0.0
+        if self.load.following is not None:
+            self.load.following.found[:] = 0.0
 
     def set_displacement(self, displacement: NDArray[np.float64]) -> None:
         """Set the displacement: (n_nodes, d) in m by node number, the same on every rank."""
@@ -327,6 +368,12 @@ class EquilibriumProblem:
         """Gather the displacement by node number: (n_nodes, d) in m, the same on every rank."""
         return self.numbering.gathered(self.comm, self.u.x.array[self.unknowns.dofs])
 
+    def positions(self) -> NDArray[np.float64]:
+        """Gather the positions of all points of the elements: (n_points, d) in m (collective)."""
+        x, points = self.mesh.coordinates, self.unknowns.points
+        at_rest = x if points is None else points.interpolated(x)
+        return at_rest + self.displacement_of_points()
+
     def displacement_of_points(self) -> NDArray[np.float64]:
         """Gather the displacement of all points of the elements: (n_points, d) in m (collective).
 
@@ -336,7 +383,7 @@ class EquilibriumProblem:
         return numbering.gathered(self.comm, self.u.x.array[self.unknowns.point_dofs])
 
     def reactions(self) -> NDArray[np.float64]:
-        """Gather f_int(u) − s f − s f_p(u) by node number: (n_nodes, d) in N, on every rank.
+        """Gather f_int(u) − s f − f_p(u) by node number: (n_nodes, d) in N, on every rank.
 
         In equilibrium these forces vanish at the free nodes; at the clamped nodes they are the
         reactions of the supports, and where displacements are prescribed those of the grip. A
@@ -357,7 +404,7 @@ class EquilibriumProblem:
         return np.where(fixed & ~held, self._reactions_of_points(), 0.0)
 
     def _reactions_of_points(self) -> NDArray[np.float64]:
-        """Gather f_int(u) − s f − s f_p(u) of all points: (n_points, d) in N, on every rank."""
+        """Gather f_int(u) − s f − f_p(u) of all points: (n_points, d) in N, on every rank."""
         values = np.zeros(len(self.u.x.array))
         values[: self.unknowns.owned] = self.out_of_balance().array_r
         numbering = self.unknowns.point_numbering
@@ -380,18 +427,20 @@ class EquilibriumProblem:
     def tangent(self) -> PETSc.Mat:
         """Assemble K = ∂f_int/∂u in N/m at the current state, the identity in the clamped rows."""
         self._predict_from_here()
-        return self._next_tangent()
+        return self.next_tangent()
 
     def tangent_of_last_step(self) -> PETSc.Mat | None:
         """K before the last Newton step, if it is that at the current state as well, else None."""
-        return self.matrix if self.newton.last_tangent_is_of(self._x) else None
+        known = not self.load.is_bordered and self.newton.last_tangent_is_of(self._x)
+        return self.matrix if known else None
 
     def _predict_from_here(self) -> None:
         """Let the next tangent take its pressures from what that at the current state predicts."""
         if self.forms.before is not None:
             self.forms.before[:] = self.u.x.array
 
-    def _next_tangent(self) -> PETSc.Mat:
+    def next_tangent(self) -> PETSc.Mat:
+        """`tangent` within Newton's method, which predicts pressures from its last state."""
         self._assembly.assemble_tangent()
         self._predict_from_here()
         if self.load.presses:
@@ -410,12 +459,12 @@ class EquilibriumProblem:
         self.unknowns.set_owned(x.array_r)
 
     def out_of_balance(self, b: PETSc.Vec | None = None) -> PETSc.Vec:
-        """Set `residual`, or b, to f_int(u) − s f − s f_p(u), in the rows of supports as well."""
+        """Set `residual`, or b, to f_int(u) − s f − f_p(u), in the rows of supports as well."""
         b = self.residual if b is None else b
         self._assembly.assemble_forces(b)
         self.load.subtract_forces(b, self.load_factor)
         if self.load.presses:
-            self.load.subtract_pressures(b, self.load_factor, self.displacement_of_points())
+            self.load.subtract_following(b, self.load_factor, self.displacement_of_points())
         return b
 
     def compute_residual(self, snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
@@ -430,18 +479,20 @@ class EquilibriumProblem:
             self.drag.add_forces(b, x)
         if self.supports.has_grip:
             self._grip_norm = float(np.sqrt(self.comm.allreduce(float(grip @ grip))))
-        if self.load.contact is not None:
+        if self.load.contact is not None or self.load.is_bordered:
             grip_norm = self._grip_norm if self.supports.has_grip else 0.0
-            self._grip_norm = float(np.hypot(grip_norm, self.load.touch_norm))
+            touch_norm = self.load.touch_norm if self.load.contact is not None else 0.0
+            follow_norm = self.load.follow_norm if self.load.is_bordered else 0.0
+            self._grip_norm = float(np.linalg.norm([grip_norm, touch_norm, follow_norm]))
 
     def compute_tangent(self, snes: PETSc.SNES, x: PETSc.Vec, a: PETSc.Mat, p: PETSc.Mat) -> None:
         """Tangent for SNES, at the displacement that the residual was computed for."""
         self.meanwhile(snes.getIterationNumber(), snes.getFunctionNorm())
         if self.corotation is None:
-            self._next_tangent()
+            self.next_tangent()
             return
         if x.norm() == 0.0 and not self.load.presses:
             self.corotation.undeformed.copy(a, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
         else:
-            self._next_tangent()
+            self.next_tangent()
         self.corotation.turn()

@@ -9,7 +9,8 @@ the one at
   else at the last equilibrium.
 - If it converges, s' becomes s. If it took few iterations (`wanted_iterations`), Δs is doubled.
 - If it fails (no convergence, or an inverted element), the last equilibrium is restored and the
-  step is cut back: Δs = (s' − s) / 2. Below `smallest_step` the load case counts as failed.
+  step is cut back: Δs = (s' − s) / 2. Below `smallest_step` the load case counts as failed, unless
+  chambers or cables act: then the path is followed on (`datagen.solver.load_path`).
 - If it fails a second time in a row because the iterative linear solver failed, or while a tool
   touches the body, the same step is solved again by LU, and LU is used for the rest of the load
   case. (Forces of a tool are so stiff that inexact Newton steps may not converge.)
@@ -32,7 +33,7 @@ Newton steps follow.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -41,7 +42,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from datagen.solver.equilibrium import EquilibriumProblem
+from datagen.solver.load_path import follow_path
 from datagen.solver.settings import SolverSettings
+from shared_schema.actuators import Control
 from shared_schema.common.solution_file import read_field
 from shared_schema.samples.results import SolveReport
 
@@ -58,7 +61,7 @@ def solve_load_case(
     nodes: NDArray[np.int64],
     forces: NDArray[np.float64],
     settings: SolverSettings,
-    pressures: NDArray[np.float64] | None = None,
+    controls: Sequence[Control] = (),
     displacement: NDArray[np.float64] | None = None,
     begin: Callable[[float, float], None] = lambda reached, target: None,
     between: NDArray[np.float64] | None = None,
@@ -76,20 +79,21 @@ def solve_load_case(
     forces : array, (n_loads, d)
         Force vector at each of them, in N; the same on every rank.
     settings : SolverSettings
-    pressures, displacement, between
+    controls, displacement, between
         As for `EquilibriumProblem.set_load`; they grow with the load factor as well.
     begin : callable
         Called on every rank at the begin of each load step, with s and s'.
     """
-    problem.set_load(nodes, forces, pressures, displacement, between)
+    problem.set_load(nodes, forces, controls, displacement, between)
     contact = problem.load.contact
     touched, rubs = contact is not None, contact is not None and contact.friction is not None
     longest = min(settings.first_step, FRICTION_STEP) if rubs else 1.0
-    series = None if problem.is_linear or touched else problem.series
+    dead = not (problem.is_linear or touched or problem.load.is_bordered)
+    series = problem.series if dead else None
     if series is not None:
         series.expand()
     problem.reset()
-    equilibrium = problem.state()
+    equilibrium = before = problem.state()
     factor, step = 0.0, min(settings.first_step, longest)
     steps = cutbacks = iterations = 0
     direct, fails = problem.newton.is_direct, False
@@ -106,7 +110,7 @@ def solve_load_case(
                 contact.settle(problem.displacement(), factor)
             if factor == 1.0:
                 break
-            equilibrium = problem.state()
+            before, equilibrium = equilibrium, problem.state()
             if series is not None:
                 series.pass_through(factor)
             if result.iterations <= settings.wanted_iterations:
@@ -120,6 +124,10 @@ def solve_load_case(
             fails = result.linear_solve_failed or touched
             step = CUT * (target - factor)
             if step < settings.smallest_step:
+                if factor > 0.0 and problem.has_path:
+                    way = follow_path(problem, before, factor, settings, begin)
+                    steps, iterations = steps + way.load_steps, iterations + way.newton_iterations
+                    result, factor = way.result or result, 1.0 if way.solved else factor
                 break
     return SolveReport(
         solved=factor == 1.0,

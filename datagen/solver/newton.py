@@ -182,10 +182,7 @@ class Newton:
         """
         snes = self.snes
         if direct:
-            if self._direct is None:
-                self._direct = self._make_snes("lu")
-                self._direct.setTolerances(atol=self._limit)
-            snes = self._direct
+            snes = self._direct_snes()
         if snes is not self._direct:
             snes.setUseEW(not is_linear and not predicts)
             if is_linear:
@@ -196,6 +193,16 @@ class Newton:
         snes.setForceIteration(is_loaded)
         snes.solve(None, x)
         return snes.getConvergedReason(), snes.getIterationNumber(), snes.getFunctionNorm()
+
+    def _direct_snes(self) -> PETSc.SNES:
+        if self._direct is None:
+            self._direct = self._make_snes("lu")
+            self._direct.setTolerances(atol=self._limit)
+        return self._direct
+
+    def direct_solver(self) -> PETSc.KSP:
+        """Solver of linear systems by LU."""
+        return self._direct_snes().getKSP()
 
     @property
     def used_lu(self) -> bool:

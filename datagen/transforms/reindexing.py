@@ -51,7 +51,13 @@ from shared_schema.shard import write_shard
 from shared_schema.stiffness import Stiffness, read_stiffness, write_stiffness
 
 IMPORT = "import"  # name of a step of before, which made a dataset of PLAID files with its split
-KEPT = ("samples/stable", "samples/force_between", "samples/parameters")
+KEPT = tuple(
+    f"samples/{name}"
+    for name in (
+        *("stable", "force_between", "parameters"),
+        *("actuation", "amplitude", "quantity"),
+    )
+)
 SPLIT_STREAM = 1  # keeps the split's random numbers apart from those of the loads
 
 

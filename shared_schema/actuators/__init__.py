@@ -1,11 +1,13 @@
 """Actuators of soft robots: cables and chambers of a case, placed on a mesh, and their control."""
 
 from shared_schema.actuators.actuator import Actuator, Cable, Chamber, actuators_of
-from shared_schema.actuators.control import KINDS, Control
+from shared_schema.actuators.control import KINDS, UNITS, Actuated, Control, pressed
 from shared_schema.actuators.placed_actuators import PlacedActuators, placed_actuators
 
 __all__ = [
     "KINDS",
+    "UNITS",
+    "Actuated",
     "Actuator",
     "Cable",
     "Chamber",
@@ -13,4 +15,5 @@ __all__ = [
     "PlacedActuators",
     "actuators_of",
     "placed_actuators",
+    "pressed",
 ]

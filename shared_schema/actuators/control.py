@@ -23,8 +23,11 @@ else 0.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
+
+from shared_schema.common.units import Units
 
 KINDS = {  # by what is given: unit, and what an actuator of this kind is
     "tension": ("N", "cable"),
@@ -32,6 +35,10 @@ KINDS = {  # by what is given: unit, and what an actuator of this kind is
     "pressure": ("Pa", "chamber"),
     "volume": ("m³", "chamber"),
     "gas": ("Pa", "chamber"),
+}
+UNITS = {  # names and units of amplitude and quantity
+    "cable": (("tension", "N"), ("length", "m")),
+    "chamber": (("pressure", "Pa"), ("volume", "m³")),
 }
 AMPLITUDES = ("tension", "pressure")  # that are given themselves
 
@@ -109,3 +116,33 @@ class Control:
         if self.kind == "volume" or (self.kind == "length" and taut):
             return Equation((quantity - target) / self.rest, 0.0, 1 / self.rest)
         return Equation(amplitude - (target if self.gives_amplitude else 0.0), 1.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Actuated:
+    """An actuator in equilibrium.
+
+    Attributes
+    ----------
+    of : {"cable", "chamber"}
+    amplitude : float
+        Tension in N, or pressure in Pa.
+    quantity : float
+        Length in m, or volume in m³.
+    """
+
+    of: str
+    amplitude: float
+    quantity: float
+
+    def written(self, units: Units) -> str:
+        """Say both with their units."""
+        values = zip(UNITS[self.of], (self.amplitude, self.quantity), strict=True)
+        return ", ".join(
+            f"{name} {value:.6g} {units.named(unit)}" for (name, unit), value in values
+        )
+
+
+def pressed(pressures: Iterable[float]) -> tuple[Control, ...]:
+    """Controls of given pressures in Pa."""
+    return tuple(Control("pressure", float(pressure), rest=1.0) for pressure in pressures)

@@ -11,10 +11,11 @@ from scipy.sparse import csr_array
 
 from shared_schema.actuators.actuator import Actuator, Chamber, FixedPoint
 from shared_schema.actuators.actuator import Cable as CableOfCase
-from shared_schema.actuators.control import KINDS, Control
+from shared_schema.actuators.control import KINDS, Actuated, Control
 from shared_schema.common.bodies.cables import Cable
 from shared_schema.common.bodies.command_loads import LoadedBody
 from shared_schema.common.bodies.following_loads import FollowingLoad, PressedSurface, is_closed
+from shared_schema.common.bodies.passing_walls import passing_walls
 from shared_schema.common.bodies.reference_cells import CORNERS, NAMES, quadratic_shape_values
 from shared_schema.common.errors import InputError
 from shared_schema.points_in_cells import locate
@@ -48,6 +49,11 @@ class PlacedActuators:
     def __len__(self) -> int:
         return len(self.names)
 
+    def on(self, positions: Array) -> PlacedActuators:
+        """The same on a body whose points are elsewhere at rest, (n_points, d) in m."""
+        rest = np.array([load.quantity(positions) for load in self.loads])
+        return replace(self, rest=rest)
+
     @property
     def kinds(self) -> tuple[str, ...]:
         """What the case gives of each (`shared_schema.actuators.control`)."""
@@ -63,7 +69,7 @@ class PlacedActuators:
         seed : int
             Seed of the dataset.
         """
-        limits = np.array([actuator.limits for actuator in self.actuators])
+        limits = np.array([actuator.limits for actuator in self.actuators]).reshape(-1, 2)
         random = np.random.default_rng([seed, number, STREAM])
         return random.uniform(limits[:, 0], limits[:, 1])
 
@@ -74,6 +80,30 @@ class PlacedActuators:
             Control(kind, float(value), float(rest), getattr(actuator, "ambient", None) or 0.0)
             for kind, value, rest, actuator in known
         )
+
+    def forces_at_rest(self, amplitudes: Array, positions: Array) -> Array:
+        """Forces of some amplitudes on the undeformed body: (n_points, d) in N."""
+        total = np.zeros(positions.shape)
+        for load, amplitude in zip(self.loads, amplitudes, strict=True):
+            total += amplitude * load.forces(positions)
+        return total
+
+    def wall_problem(self, x: Array) -> str | None:
+        """Say which chamber's walls pass through each other at positions (n_points, d) in m."""
+        for name, load in zip(self.names, self.loads, strict=True):
+            passed = passing_walls(x, load.facets) if isinstance(load, PressedSurface) else 0
+            if passed:
+                return (
+                    f"walls of the chamber '{name}' pass through each other at {passed} facets, "
+                    "contact between them is not modelled"
+                )
+        return None
+
+    def found(self, values: Array) -> dict[str, Actuated]:
+        """Actuators in equilibrium, by names, from amplitudes and quantities, (n_actuators, 2)."""
+        kinds = [KINDS[kind][1] for kind in self.kinds]
+        each = zip(self.names, kinds, values, strict=True)
+        return {name: Actuated(of, float(a), float(q)) for name, of, (a, q) in each}
 
     @property
     def idle(self) -> tuple[Control, ...]:
@@ -148,8 +178,8 @@ def placed_actuators(actuators: Mapping[str, Actuator], body: LoadedBody) -> Pla
             loads.append(_chamber(f"key 'actuators.{name}.chamber'", actuator.chamber, body))
         elif isinstance(actuator, CableOfCase):
             loads.append(_cable(f"key 'actuators.{name}.cable", actuator, body))
-    rest = np.array([load.quantity(body.positions) for load in loads])
-    return PlacedActuators(tuple(actuators), tuple(actuators.values()), tuple(loads), rest)
+    known = tuple(actuators), tuple(actuators.values()), tuple(loads)
+    return PlacedActuators(*known, np.zeros(len(loads))).on(body.positions)
 
 
 def _chamber(key: str, group: str, body: LoadedBody) -> PressedSurface:

@@ -72,8 +72,14 @@ class Units(Frozen):
         return {"length": self.length, "force": self.force, "stress": self.stress, "time": "s"}
 
     def named(self, unit: str) -> str:
-        """Label of the SI unit m, N, Pa, J or N/m; others stay."""
-        labels = {"m": self.length, "N": self.force, "Pa": self.stress, "J": self.energy}
+        """Label of the SI unit m, m³, N, Pa, J or N/m; others stay."""
+        labels = {
+            "m³": f"{self.length}³",
+            "m": self.length,
+            "N": self.force,
+            "Pa": self.stress,
+            "J": self.energy,
+        }
         return labels.get(unit, f"{self.force}/{self.length}" if unit == "N/m" else unit)
 
     def written(self, length: float) -> str:

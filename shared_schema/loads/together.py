@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
+from shared_schema.actuators import Actuator, Control, PlacedActuators, placed_actuators, pressed
 from shared_schema.common.bodies.cells import boundary_facets
-from shared_schema.common.bodies.distributed_loads import pressure_forces
+from shared_schema.common.bodies.command_loads import LoadedBody
+from shared_schema.common.bodies.following_loads import PressedSurface
 from shared_schema.common.bodies.groups import GroupParts, RawMesh, groups_of_sides
 from shared_schema.common.bodies.nodal_forces import scatter_forces, sum_per_node
 from shared_schema.common.bodies.points_between import PointsBetween
@@ -44,6 +47,8 @@ class Load:
     between : array, (n_between, d), or None
         Dead forces between the nodes of quadratic elements in N; zero where all corners around a
         point are held or moved. None if no family loads them.
+    actuation : tuple of Control
+        What is given of each actuator.
     """
 
     nodes: NDArray[np.int64]
@@ -52,11 +57,18 @@ class Load:
     displacement: Array | None = None
     tool: Sphere | None = None
     between: Array | None = None
+    actuation: tuple[Control, ...] = ()
+
+    @property
+    def controls(self) -> tuple[Control, ...]:
+        """What is given of each following load: pressures on surfaces, then actuators."""
+        return (*pressed(self.pressures), *self.actuation)
 
     @property
     def is_dead(self) -> bool:
         """True if the load consists of dead forces only."""
-        return self.displacement is None and self.tool is None and not self.pressures.any()
+        moves = self.displacement is not None or self.tool is not None
+        return not moves and not self.pressures.any() and not self.actuation
 
 
 @dataclass(frozen=True)
@@ -67,12 +79,16 @@ class LoadsTogether:
     ----------
     parts : tuple of DrawnLoads
         One a family. The first draws with the dataset's seed, the others with seeds of their own.
-    held : array of bool, (n_nodes, d)
-        Components that supports hold.
+    seed : int
+        Seed of the dataset.
+    body : LoadedBody
+    actuators : PlacedActuators
     """
 
     parts: tuple[DrawnLoads, ...]
-    held: NDArray[np.bool_]
+    seed: int
+    body: LoadedBody
+    actuators: PlacedActuators
 
     @classmethod
     def of(
@@ -80,11 +96,18 @@ class LoadsTogether:
         families: Sequence[LoadFamily],
         seed: int,
         nodes: Sequence[LoadableNodes],
-        held: NDArray[np.bool_],
+        body: LoadedBody,
+        actuators: PlacedActuators,
     ) -> LoadsTogether:
         """Pair the families with their nodes."""
         pairs = enumerate(zip(families, nodes, strict=True))
-        return cls(tuple(DrawnLoads(f, _seed(seed, i), n) for i, (f, n) in pairs), held)
+        parts = tuple(DrawnLoads(f, _seed(seed, i), n) for i, (f, n) in pairs)
+        return cls(parts, seed, body, actuators)
+
+    @property
+    def held(self) -> NDArray[np.bool_]:
+        """Components that supports hold, (n_nodes, d)."""
+        return self.body.held
 
     @property
     def seed(self) -> int:
@@ -97,15 +120,21 @@ class LoadsTogether:
         return self.parts[0].loadable
 
     @property
+    def positions(self) -> Array:
+        """Positions of all points of the elements, (n_points, d) in m."""
+        return self.body.positions
+
+    @property
     def points(self) -> PointsBetween | None:
         """All points of the elements; None if the nodes are all."""
-        return self.loadable.points
+        return self.body.points
 
     @cached_property
     def is_between(self) -> bool:
-        """True if a family loads points between the nodes, or prescribes their displacement."""
+        """True if a load acts on points between the nodes, or prescribes their displacement."""
         families = [part.family for part in self.parts]
-        return self.points is not None and act_between(families, self.held.shape[1])
+        acts = act_between(families, self.held.shape[1]) or len(self.actuators) > 0
+        return self.points is not None and acts
 
     @cached_property
     def pressed(self) -> tuple[NDArray[np.int64], ...]:
@@ -115,7 +144,13 @@ class LoadsTogether:
     @cached_property
     def surfaces(self) -> tuple[NDArray[np.int64], ...]:
         """The same facets by all their points, (n_facets, n_points of a facet) each."""
-        return tuple(self.loadable.all_points(facets) for facets in self.pressed)
+        points = self.points
+        return tuple(f if points is None else points.facets(f) for f in self.pressed)
+
+    @cached_property
+    def following(self) -> tuple[PressedSurface, ...]:
+        """The same as loads that follow the body."""
+        return tuple(map(PressedSurface, self.surfaces))
 
     @cached_property
     def moved(self) -> NDArray[np.bool_]:
@@ -128,7 +163,17 @@ class LoadsTogether:
     @cached_property
     def most(self) -> int:
         """Largest number of loaded nodes of a sample; InputError if a family says none."""
-        return min(sum(part.most for part in self.parts), len(self.held))
+        of_families = sum(part.most for part in self.parts)
+        return min(of_families + int(self.actuated.sum()), len(self.held))
+
+    @cached_property
+    def actuated(self) -> NDArray[np.bool_]:
+        """Nodes on which actuators act in the undeformed body, without held ones, (n_nodes,)."""
+        total = np.zeros(self.held.shape, dtype=bool)
+        for load in self.actuators.loads:
+            forces = load.forces(self.positions)
+            total |= (forces if self.points is None else self.points.on_nodes(forces)) != 0
+        return np.asarray((total & ~self.held).any(axis=1))
 
     def on(self, coordinates: Array) -> LoadsTogether:
         """The same loads on a body of another shape, by its node positions, (n_nodes, d) in m."""
@@ -136,7 +181,10 @@ class LoadsTogether:
             replace(part, loadable=replace(part.loadable, coordinates=coordinates))
             for part in self.parts
         ]
-        return replace(self, parts=tuple(moved))
+        body = replace(self.body, coordinates=coordinates)
+        return replace(
+            self, parts=tuple(moved), body=body, actuators=self.actuators.on(body.positions)
+        )
 
     def check(self) -> None:
         """Raise InputError unless every family fits the mesh, and no two drive the same nodes."""
@@ -152,8 +200,10 @@ class LoadsTogether:
     def __getitem__(self, number: int) -> Load:
         """Draw the load of one sample; InputError as `DrawnLoads` raises it."""
         drawn = [part[number] for part in self.parts]
-        nodes, forces = drawn[0].nodes, drawn[0].forces
-        if len(drawn) > 1:
+        nodes, forces = np.empty(0, dtype=np.int64), np.empty((0, self.held.shape[1]))
+        if len(drawn) == 1:
+            nodes, forces = drawn[0].nodes, drawn[0].forces
+        elif drawn:
             nodes, forces = sum_per_node(
                 np.concatenate([each.nodes for each in drawn]),
                 np.concatenate([each.forces for each in drawn]),
@@ -177,13 +227,21 @@ class LoadsTogether:
         if between and self.points is not None:
             known = self.points.held(fixed)[self.points.nodes :]
             acting = np.where(known, 0.0, np.sum(between, axis=0))
-        return Load(nodes, forces, pressures, displacement, tool, acting)
+        actuation = self.actuators.controls(self.actuators.draw(number, self.seed))
+        return Load(nodes, forces, pressures, displacement, tool, acting, actuation)
 
-    def recorded(self, load: Load, grip: Array, pushes: Array | float = 0.0) -> Recorded:
+    def recorded(
+        self,
+        load: Load,
+        grip: Array,
+        pushes: Array | float = 0.0,
+        amplitudes: Array | None = None,
+    ) -> Recorded:
         """Forces that stand for a load in a dataset.
 
-        They are the dead forces, the forces of the pressures on the undeformed body, those that
-        hold prescribed displacements, and the forces of the tool. None acts on a held component.
+        They are the dead forces, the forces of pressures and actuators on the undeformed body,
+        those that hold prescribed displacements, and the forces of the tool. None acts on a held
+        component.
 
         Parameters
         ----------
@@ -192,6 +250,8 @@ class LoadsTogether:
             Forces that hold the prescribed displacements in equilibrium, in N.
         pushes : array, (n_nodes, d)
             Forces of the tool in N.
+        amplitudes : array, (n_actuators,), optional
+            Pressures and tensions of the actuators in equilibrium; 0 where none is given.
 
         Returns
         -------
@@ -203,9 +263,11 @@ class LoadsTogether:
         """
         if load.is_dead:
             return load.nodes, load.forces, load.between
-        positions, points, driven = self.loadable.positions, self.points, grip.copy()
-        for facets, pressure in zip(self.surfaces, load.pressures, strict=True):
-            driven += pressure_forces(positions, facets, pressure)
+        points, driven = self.points, grip.copy()
+        for surface, pressure in zip(self.following, load.pressures, strict=True):
+            driven += pressure * surface.forces(self.positions)
+        if amplitudes is not None:
+            driven += self.actuators.forces_at_rest(amplitudes, self.positions)
         total = scatter_forces(load.nodes, load.forces, len(self.held)) + pushes
         between = None
         if points is None:
@@ -238,6 +300,7 @@ def placed_loads(
     mesh: RawMesh,
     held: NDArray[np.bool_],
     points: PointsBetween | None = None,
+    actuators: Mapping[str, Actuator] = MappingProxyType({}),
 ) -> LoadsTogether:
     """Place the load of a case on its mesh.
 
@@ -252,11 +315,14 @@ def placed_loads(
         Components that supports hold.
     points : PointsBetween, optional
         All points of the elements; by default the nodes are all.
+    actuators : mapping of str to Actuator
+        Those of the case.
 
     Raises
     ------
     InputError
-        If a region holds no node, a loadable node is clamped, or a family does not fit the mesh.
+        If a region holds no node, a loadable node is clamped, or a family or an
+        actuator does not fit the mesh.
     """
     several = isinstance(load, tuple)
     families = load if isinstance(load, tuple) else (load,)
@@ -264,7 +330,9 @@ def placed_loads(
         _loadable(f"load.{number}.region" if several else "load.region", each, mesh, held, points)
         for number, each in enumerate(families)
     ]
-    loads = LoadsTogether.of(families, seed, nodes, held)
+    known = mesh.coordinates, mesh.cells, mesh.cell_type
+    body = LoadedBody(*known, held, mesh.node_sets, points, mesh.parts)
+    loads = LoadsTogether.of(families, seed, nodes, body, placed_actuators(actuators, body))
     loads.check()
     return loads
 

@@ -81,6 +81,8 @@ class Result:
     report : SolveReport
     wall_time : float
         In s.
+    actuated : array, (n_actuators, 2), or None
+        Pressure or tension of each actuator, and its volume or length.
     """
 
     number: int
@@ -90,6 +92,7 @@ class Result:
     displacement: NDArray[np.float64]
     report: SolveReport
     wall_time: float
+    actuated: NDArray[np.float64] | None = None
 
 
 def not_begun(number: int, load: Load, reason: str) -> Result:
@@ -141,6 +144,7 @@ def result_arrays(
         **_pressures(loads, solved, failed),
         **_poses(loads, solved),
         **({} if shapes is None else _shapes(loads, solved, failed, shapes)),
+        **_actuation(loads, solved, failed),
     }
 
 
@@ -152,7 +156,8 @@ def _recorded(loads: LoadsTogether, result: Result, shapes: ShapeFamily | None) 
     if shapes is not None:
         loads = loads.on(shapes.coordinates(shapes.drawn(loads.seed, result.number)))
     pushes = 0.0 if result.contact is None else result.contact.force
-    return loads.recorded(load, result.grip, pushes)
+    amplitudes = None if result.actuated is None else result.actuated[:, 0]
+    return loads.recorded(load, result.grip, pushes, amplitudes)
 
 
 def _between(loads: LoadsTogether, group: str, recorded: Sequence[Recorded]) -> dict[str, Any]:
@@ -207,6 +212,26 @@ def _shapes(
         "samples/parameters": of_solved,
         "samples/coordinates": positions.reshape(-1, *loads.held.shape),
         "failed/parameters": of_failed,
+    }
+
+
+def _actuation(
+    loads: LoadsTogether, solved: Sequence[Result], failed: Sequence[Result]
+) -> dict[str, Any]:
+    """What is given and found of the actuators, if the case has some."""
+    count = len(loads.actuators)
+    if not count:
+        return {}
+    given = {
+        f"{group}/actuation": np.array(
+            [[control.value for control in r.load.actuation] for r in some]
+        ).reshape(-1, count)
+        for group, some in (("samples", solved), ("failed", failed))
+    }
+    found = np.array([r.actuated for r in solved], dtype=np.float64).reshape(-1, count, 2)
+    return given | {
+        "samples/amplitude": found[:, :, 0],
+        "samples/quantity": found[:, :, 1],
     }
 
 

@@ -85,7 +85,7 @@ def samples_of(case: Case, dimension: int) -> list[int]:
 def solved(case: Case, body: Body, sample: int) -> tuple[dict[str, Any], NDArray[np.float64]]:
     """Load of a sample as plain data, and the displacement under it: (n_nodes, d) in m."""
     load = body.loads[sample]
-    report = solve_load_case(body.problem, load.nodes, load.forces, case.solver, load.pressures)
+    report = solve_load_case(body.problem, load.nodes, load.forces, case.solver, load.controls)
     assert report.solved, report.explanation
     plain = {"nodes": load.nodes.tolist(), "forces": load.forces.tolist()}
     if len(load.pressures):

@@ -31,7 +31,9 @@ from datagen.stability import (
     with_stability,
 )
 from datagen.transforms.reindexing import structure
+from shared_schema.actuators import pressed
 from shared_schema.common.bodies.cells import outward_facets
+from shared_schema.common.bodies.following_loads import PressedSurface
 from shared_schema.common.errors import WorkError
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.layout import Arrays
@@ -282,12 +284,14 @@ def test_pressure_that_turns_with_the_end() -> None:
     end = facets[(x[facets][:, :, 0] == LENGTH).all(axis=1)]
     mesh, settings = distributed(raw, MPI.COMM_SELF), SolverSettings()
     material = NeoHookean(young_modulus=MODULUS, poisson_ratio=0.0)
-    problem = EquilibriumProblem(mesh, material, x[:, 0] == 0, settings, surfaces=[end])
+    problem = EquilibriumProblem(
+        mesh, material, x[:, 0] == 0, settings, following=[PressedSurface(end)]
+    )
     euler = np.pi**2 * MODULUS * HEIGHT**3 / 12 / (4 * LENGTH**2)
     nodes = np.unique(end)
     dead = np.tile([-1.0, 0.0], (len(nodes), 1)) / len(nodes)
     for force, pressure, stable in ((0.0, 10 * euler / HEIGHT, True), (3 * euler, 1e-3, False)):
-        load = nodes, force * dead, settings, np.array([pressure])
+        load = nodes, force * dead, settings, pressed([pressure])
         report = solve_load_case(problem, *load)
         assert report.solved
         factor = SymmetricFactor(problem)

@@ -194,3 +194,16 @@ def test_actuators_that_no_case_has(content: dict[str, Any], said: str) -> None:
         actuators_of({"a": content})
     with pytest.raises(ValueError, match="expected a name"):
         actuators_of({"a.b": CASE["left"]})
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_walls_that_pass_through_each_other(dimension: int) -> None:
+    """The lower wall of the hole of 1 m is moved up by 0.9 m, then by 1.1 m."""
+    body = hollow(dimension=dimension)
+    actuators = placed(body, {"top": CASE["top"]})
+    x = body.positions.copy()
+    below = body.groups["hole"] & (x[:, -1] == 1)
+    x[below, -1] += 0.9
+    assert actuators.wall_problem(x) is None
+    x[below, -1] += 0.2
+    assert "the chamber 'top' pass through" in str(actuators.wall_problem(x))

@@ -46,6 +46,7 @@ from shared_schema.common.bodies.distributed_loads import (
     nodal_volumes,
     pressure_forces,
 )
+from shared_schema.common.bodies.following_loads import PressedSurface
 from shared_schema.common.bodies.groups import GroupParts, cells_in, facets_in
 from shared_schema.common.bodies.nodal_forces import RELATIVE_TOLERANCE, nodal_forces, node_at
 from shared_schema.common.bodies.points_between import PointsBetween
@@ -124,6 +125,8 @@ class CommandLoads:
         Prescribed displacements in m, else 0.
     notes : list of str
         Nodes that loads were moved to.
+    actuation : array, (n_points, d), or None
+        Forces that actuators would have on the undeformed body, in N.
     """
 
     body: LoadedBody
@@ -134,12 +137,18 @@ class CommandLoads:
     moved: NDArray[np.bool_] = field(init=False)
     displacement: Array = field(init=False)
     notes: list[str] = field(default_factory=list)
+    actuation: Array | None = None
 
     def __post_init__(self) -> None:
         self.forces = np.zeros(self.body.coordinates.shape)
         self.displacement = np.zeros(self.body.coordinates.shape)
         self.moved = np.zeros(self.body.coordinates.shape, dtype=bool)
         self.between = np.zeros_like(self.body.positions[len(self.forces) :])
+
+    @property
+    def following(self) -> tuple[PressedSurface, ...]:
+        """The pressures as loads that follow the body."""
+        return tuple(map(PressedSurface, self.surfaces))
 
     @property
     def forces_between(self) -> Array | None:
@@ -153,7 +162,10 @@ class CommandLoads:
 
     @property
     def at_rest(self) -> Array:
-        """Forces, with those that the pressures have on the undeformed body: (n_nodes, d) in N."""
+        """Forces at the nodes, with those of pressures and actuators on the undeformed body.
+
+        They are (n_nodes, d) in N.
+        """
         return self._with_pressures()[0]
 
     @property
@@ -162,7 +174,9 @@ class CommandLoads:
         return None if self.body.points is None else self._with_pressures()[1]
 
     def _with_pressures(self) -> tuple[Array, Array]:
-        pushed, between = self._parts(self.pushed(np.zeros(self.body.positions.shape)))
+        at_rest = self.pushed(np.zeros(self.body.positions.shape))
+        at_rest += 0.0 if self.actuation is None else self.actuation
+        pushed, between = self._parts(at_rest)
         return np.where(self.body.held, 0.0, self.forces) + pushed, self.between + between
 
     def pushed(self, displacement: Array) -> Array:

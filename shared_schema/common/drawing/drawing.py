@@ -250,6 +250,10 @@ class Drawing(ABC):
             PolyCollection(list(self._seen(x)[faces]), edgecolors=color, facecolors=face, **style)
         )
 
+    def line(self, x: Array, color: str, **style: Any) -> None:
+        """Draw a line through the points `x` (n_points, d) in m, on top of the body."""
+        self.axes.plot(*self._seen(x).T, color=color, zorder=ON_TOP, **style)
+
     def markers(self, x: Array, color: str, **style: Any) -> None:
         """Mark the points `x` (n_points, d) in m, on top of the body."""
         self.axes.scatter(*self._seen(x).T, color=color, linewidths=0, zorder=ON_TOP, **style)

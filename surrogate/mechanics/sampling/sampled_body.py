@@ -166,7 +166,7 @@ class SampledBody:
     def load(self, drawn: Sequence[DrawnLoad]) -> Load:
         """Drawn load cases as mechanics has them."""
         body, points = self.body.geometry, self.loads.points
-        dead = np.zeros((len(drawn), *self.loads.loadable.positions.shape))
+        dead = np.zeros((len(drawn), *self.loads.positions.shape))
         for forces, each in zip(dead, drawn, strict=True):
             forces[each.nodes] = each.forces
             if each.between is not None and points is not None:
@@ -235,7 +235,7 @@ class SampledBody:
 
     @cached_property
     def _no_grip(self) -> Array:
-        return np.zeros(self.loads.loadable.positions.shape)
+        return np.zeros(self.loads.positions.shape)
 
     @property
     def stiffness(self) -> Stiffness | None:

@@ -17,6 +17,7 @@ from datagen.cases.case import SHIPPED, read_case
 from datagen.cases.case_schema import case_keys, case_schema
 from datagen.command_line import main
 from datagen.solver.load_stepping import solve_load_case
+from shared_schema.actuators import pressed
 from shared_schema.common.configuration import read_yaml
 from shared_schema.common.errors import InputError
 from shared_schema.materials import NeoHookean
@@ -88,7 +89,7 @@ def test_soft_finger() -> None:
     np.testing.assert_allclose(np.ptp(x, axis=0), (0.088, 0.02, 0.016), rtol=1e-3)
     assert np.all(x[body.clamped, 0] == 0)
     nothing = np.empty(0, dtype=int), np.empty((0, 3))
-    assert solve_load_case(body.problem, *nothing, case.solver, np.array([1500.0])).solved
+    assert solve_load_case(body.problem, *nothing, case.solver, pressed([1500.0])).solved
     inflated = body.problem.displacement()
     assert inflated[tip, 2] < -0.02
     assert abs(inflated[:, 1].mean()) < 1e-8  # the middle of its width is a plane of symmetry
@@ -97,7 +98,7 @@ def test_soft_finger() -> None:
         load = body.loads[number]
         assert len(load.nodes) == 1
         assert 0 < load.pressures[0] < 1500
-        report = solve_load_case(body.problem, load.nodes, load.forces, case.solver, load.pressures)
+        report = solve_load_case(body.problem, load.nodes, load.forces, case.solver, load.controls)
         assert report.solved
         moved.append(np.linalg.norm(body.problem.displacement(), axis=1).max())
     assert 2e-3 < np.median(moved) < 0.03

@@ -44,7 +44,7 @@ def case_of(folder: Path, **keys: Any) -> Case:
 
 
 def solved(body: Body, case: Case, load: Load) -> np.ndarray:
-    drive = load.pressures, load.displacement
+    drive = load.controls, load.displacement
     assert solve_load_case(body.problem, load.nodes, load.forces, case.solver, *drive).solved
     return body.problem.displacement()
 

@@ -142,9 +142,9 @@ def at_nodes_and_between(problem: EquilibriumProblem, forces: np.ndarray) -> For
     of_points = unknowns.point_numbering.gathered(problem.comm, forces[unknowns.point_dofs])
     nodes = np.arange(len(problem.mesh.coordinates))
     if unknowns.points is None:
-        return nodes, of_points, None, None, None
+        return nodes, of_points, (), None, None
     of_nodes, between = unknowns.points.on_nodes(of_points), of_points[len(nodes) :]
-    return nodes, of_nodes, None, None, between
+    return nodes, of_nodes, (), None, between
 
 
 def errors(

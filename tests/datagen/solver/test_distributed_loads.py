@@ -21,6 +21,7 @@ from datagen.mesh.geometries import Box
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings
+from shared_schema.actuators import pressed
 from shared_schema.common.bodies.cells import outward_facets
 from shared_schema.common.bodies.command_loads import CommandLoads, LoadedBody, command_loads
 from shared_schema.common.bodies.distributed_loads import (
@@ -69,9 +70,9 @@ def solved(
         sides = dict(raw.node_sets)
     body = LoadedBody(x, raw.cells, raw.cell_type, held, sides, points)
     given = command_loads(body, loads, body_force=body_force, needed=False)
-    problem = EquilibriumProblem(mesh, material, held, SETTINGS, element, surfaces=given.surfaces)
+    problem = EquilibriumProblem(mesh, material, held, SETTINGS, element, following=given.following)
     load = np.arange(len(x)), given.forces
-    pressures, between = np.array(given.pressures), given.forces_between
+    pressures, between = pressed(given.pressures), given.forces_between
     report = solve_load_case(problem, *load, SETTINGS, pressures, between=between)
     assert report.solved, report.explanation
     return problem.displacement(), problem, given

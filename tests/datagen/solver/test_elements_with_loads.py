@@ -15,8 +15,10 @@ from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings
 from datagen.solver.strain_energy import longitudinal_modulus
+from shared_schema.actuators import pressed
 from shared_schema.common.bodies.cells import outward_facets
 from shared_schema.common.bodies.distributed_loads import pressure_forces
+from shared_schema.common.bodies.following_loads import PressedSurface
 from shared_schema.materials import (
     Material,
     MooneyRivlin,
@@ -124,13 +126,15 @@ def test_pressure_that_follows_is_in_equilibrium(
     mesh = beam(simplices, (8, 4))
     settings = SolverSettings.model_validate({"linear_solver": linear_solver})
     held = np.repeat(np.isclose(mesh.coordinates[:, :1], 0.0), 2, axis=1)
-    pressed = pressed_facets(mesh)
-    problem = EquilibriumProblem(mesh, SOFT, held, settings, element, surfaces=[pressed])
-    report = solve_load_case(problem, *NOTHING, settings, np.array([5.0]))
+    facets = pressed_facets(mesh)
+    problem = EquilibriumProblem(
+        mesh, SOFT, held, settings, element, following=[PressedSurface(facets)]
+    )
+    report = solve_load_case(problem, *NOTHING, settings, pressed([5.0]))
     assert report.solved
     assert report.cutbacks == 0
     u = problem.displacement()
-    pushed = pressure_forces(mesh.coordinates + u, pressed, 5.0)
+    pushed = pressure_forces(mesh.coordinates + u, facets, 5.0)
     assert np.abs(u).max() > 0.1
     internal = problem.reactions() + pushed  # of the nodes, the corners
     assert internal.sum(axis=0) == pytest.approx(np.zeros(2), abs=1e-7)

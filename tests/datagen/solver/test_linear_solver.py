@@ -26,7 +26,9 @@ from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.linear_solver import CROSSOVER, chosen_solver, factors, rigid_body_modes
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import LinearSolver, SolverSettings
+from shared_schema.actuators import pressed
 from shared_schema.common.bodies.cells import outward_facets
+from shared_schema.common.bodies.following_loads import PressedSurface
 from shared_schema.common.errors import InputError, WorkError
 from shared_schema.materials import NeoHookean
 from shared_schema.samples.results import SolveReport
@@ -152,7 +154,9 @@ class Beam:
         self.problem.series = series if begins else None
         forces, pressures = share * np.array([[0.0, 1.0, -1.0]]), share * np.array([3.0])
         moves = np.where(self.moved, 0.5 * share, 0.0)
-        report = solve_load_case(self.problem, self.corner, forces, settings, pressures, moves)
+        report = solve_load_case(
+            self.problem, self.corner, forces, settings, pressed(pressures), moves
+        )
         self.problem.series = series
         assert report.solved
         return self.problem.state()[: self.problem.unknowns.owned], report
@@ -168,7 +172,9 @@ def beam(element: Element, simplices: bool = False, grips: bool = False) -> Beam
     moved[(x[:, 0] == SIZE[0]) & (x[:, 2] == 0), 2] = grips
     settings = SolverSettings(linear_solver="corotated")
     held, corner = x[:, 0] == 0, np.array([int(np.abs(x - SIZE).sum(1).argmin())])
-    problem = EquilibriumProblem(mesh, SOFT, held, settings, element, moved=moved, surfaces=[below])
+    problem = EquilibriumProblem(
+        mesh, SOFT, held, settings, element, moved=moved, following=[PressedSurface(below)]
+    )
     assert problem.series is not None
     problem.series.at_rest.setTolerances(rtol=1e-12)
     return Beam(problem, corner, moved)

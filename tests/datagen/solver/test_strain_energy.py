@@ -25,6 +25,7 @@ from datagen.output.cell_stresses import CellStresses, reactions_of_supports
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import solve_load_case
 from datagen.solver.settings import SolverSettings
+from shared_schema.actuators import pressed
 from shared_schema.common.errors import InputError
 from shared_schema.materials import (
     ArrudaBoyce,
@@ -322,7 +323,7 @@ def test_two_materials_in_series(tmp_path: Path) -> None:
     body = make_body(case, MPI.COMM_SELF)
     load = body.loads[0]
     assert load.displacement is not None
-    drive = load.pressures, load.displacement
+    drive = load.controls, load.displacement
     assert solve_load_case(body.problem, load.nodes, load.forces, case.solver, *drive).solved
     u, x = body.problem.displacement(), body.mesh.coordinates
     end = np.isclose(x[:, 0], 3.0)
@@ -394,7 +395,7 @@ def test_deflection_of_the_beam() -> None:
     case = read_case({**BEAM, "mesh": {**BEAM["mesh"], "elements": [40, 4, 4]}})  # type: ignore[dict-item]
     body = make_body(case, MPI.COMM_SELF)
     load, settings = body.loads[0], case.solver
-    pressure = np.array([4.0])
+    pressure = pressed([4.0])
     assert solve_load_case(body.problem, load.nodes, load.forces, settings, pressure).solved
     u, x = body.problem.displacement(), body.mesh.coordinates
     end = np.isclose(x, [0.01, 0.0005, 0.001]).all(axis=1)

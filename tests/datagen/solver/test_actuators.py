@@ -1,0 +1,140 @@
+"""Cables and chambers in equilibrium: beam theory, other controls of one state, several ranks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import datagen
+from datagen.cases.body import make_body
+from datagen.cases.case import read_case
+from shared_schema.common.errors import InputError, WorkError
+
+LENGTH, HEIGHT, OFFSET, YOUNG = 1.0, 0.05, 0.02, 1e6
+MATERIAL = {"young_modulus": YOUNG, "poisson_ratio": 0.0}
+PLACES = [[x, OFFSET] for x in np.linspace(0, LENGTH, 21).tolist()]
+BEAM: dict[str, Any] = {
+    "name": "beam",
+    "mesh": {
+        "kind": "box",
+        "lower": [0, -HEIGHT / 2],
+        "upper": [LENGTH, HEIGHT / 2],
+        "elements": [40, 2],
+    },
+    "material": MATERIAL,
+    "element": "quadratic",
+    "supports": [{"x": 0}],
+    "actuators": {"top": {"cable": PLACES, "tension": [0, 5]}},
+    "dataset": {"samples": 3, "seed": 1},
+}
+CHAMBER = """
+SetFactory("OpenCASCADE");
+Box(1) = {0, 0, 0, 4, 4, 4};
+Box(2) = {1, 1, 1, 2, 2, 2};
+BooleanDifference(3) = { Volume{1}; Delete; }{ Volume{2}; Delete; };
+Physical Volume("body") = {3};
+inner[] = Surface In BoundingBox {0.9, 0.9, 0.9, 3.1, 3.1, 3.1};
+Physical Surface("cavity") = {inner[]};
+Physical Surface("base") = Surface In BoundingBox {-1, -1, -0.1, 5, 5, 0.1};
+Mesh.MeshSizeMin = 1.2;
+Mesh.MeshSizeMax = 1.2;
+"""
+
+
+def chamber(folder: Path, **control: Any) -> dict[str, Any]:
+    """A cube with a cubic cavity of 8 m³."""
+    script = folder / "chamber.geo"
+    script.write_text(CHAMBER)
+    return {
+        "name": "chamber",
+        "mesh": {"kind": "file", "path": str(script)},
+        "material": {"young_modulus": 1e5, "poisson_ratio": 0.3},
+        "supports": [{"group": "base"}],
+        "actuators": {"air": {"chamber": "cavity", **(control or {"pressure": [0, 2e4]})}},
+        "dataset": {"samples": 2, "seed": 1},
+    }
+
+
+def test_a_cable_beside_the_axis_bends_a_beam_to_a_circle() -> None:
+    """Curvature T d / (E I).
+
+    The compression is T / (E A) = 0.3 %; between its points the cable is the chord of the circle,
+    which is nearer to the axis by 0.3 % of d in the mean.
+    """
+    tension = 150.0
+    found = datagen.solve(BEAM, actuate=[f"top={tension}"])
+    axis = np.isclose(found.coordinates[:, 1], 0.0)
+    x, y = (found.coordinates + found.displacement)[axis].T
+    curvature = tension * OFFSET / (YOUNG * HEIGHT**3 / 12)
+    assert curvature == pytest.approx(0.288)
+    a = np.column_stack([2 * x, 2 * y, np.ones_like(x)])
+    centre_x, centre_y, rest = np.linalg.lstsq(a, x**2 + y**2, rcond=None)[0]
+    radius = np.sqrt(rest + centre_x**2 + centre_y**2)
+    assert np.abs(np.hypot(x - centre_x, y - centre_y) / radius - 1).max() < 2e-4
+    assert 1 / radius == pytest.approx(curvature, rel=1e-2)
+    assert np.abs(found.reactions.sum(axis=0)).max() < 1e-9  # the cable pulls at the body alone
+
+
+def test_length_and_tension_give_the_same_state() -> None:
+    pulled = datagen.solve(BEAM, actuate=["top=150"])
+    tension, length = pulled.actuators["top"].amplitude, pulled.actuators["top"].quantity
+    assert tension == 150.0
+    drawn = datagen.solve(BEAM, actuate=[f"top.length={length!r}"])
+    assert drawn.actuators["top"].amplitude == pytest.approx(150.0, rel=1e-7)
+    np.testing.assert_allclose(drawn.displacement, pulled.displacement, atol=1e-8)
+    slack = datagen.solve(BEAM, ["1,0:0,0.01"], actuate=["top.length=1.5"])
+    free = datagen.solve(BEAM, ["1,0:0,0.01"])
+    assert slack.actuators["top"].amplitude == 0.0
+    np.testing.assert_allclose(slack.displacement, free.displacement, atol=1e-9)
+
+
+def test_pressure_volume_and_gas_give_the_same_state(tmp_path: Path) -> None:
+    """A gas of (A + v) V₀ = (A + p) V; the volume at rest is 8 m³."""
+    case = chamber(tmp_path, pressure=[0, 2e4], ambient=1e5)
+    blown = datagen.solve(case, actuate=["air=2e4"])
+    volume = blown.actuators["air"].quantity
+    assert volume > 8.2
+    filled = datagen.solve(case, actuate=[f"air.volume={volume!r}"])
+    amount = (1e5 + 2e4) * volume / 8 - 1e5
+    gas = datagen.solve(case, actuate=[f"air.gas={amount!r}"])
+    for other in (filled, gas):
+        assert other.actuators["air"].amplitude == pytest.approx(2e4, rel=1e-7)
+        np.testing.assert_allclose(other.displacement, blown.displacement, atol=1e-8)
+    sucked = datagen.solve(case, actuate=["air=-1e4"])
+    assert sucked.actuators["air"].quantity < 8.0
+    assert np.linalg.norm(blown.force.sum(axis=0)) < 1e-9 * np.abs(blown.force).sum()
+
+
+def test_a_closed_gas_holds_a_body_back(tmp_path: Path) -> None:
+    """p V = const: A V₀ = (A + p) V under another load."""
+    case = chamber(tmp_path, gas=[-10, 10], ambient=1e5)
+    pushed = datagen.solve(case, ["body:0,0,-2e5"], actuate=["air=0"])
+    pressure, volume = pushed.actuators["air"].amplitude, pushed.actuators["air"].quantity
+    assert volume < 7.9
+    assert (1e5 + pressure) * volume == pytest.approx(8e5, rel=1e-8)
+
+
+def test_a_chamber_is_no_cable(tmp_path: Path) -> None:
+    content = chamber(tmp_path)
+    content["actuators"] = {"air": {"chamber": "base", "pressure": [0, 1]}}
+    with pytest.raises(InputError, match=r"case 'chamber': key 'actuators.air.chamber'.*open"):
+        make_body(read_case(content), _alone())
+    content["actuators"] = {"air": {"chamber": "cavity", "pressure": [1, 0]}}
+    with pytest.raises(InputError, match=r"actuators\.air.pressure.*low < high"):
+        read_case(content)
+    with pytest.raises(InputError, match="load"):
+        read_case({name: value for name, value in content.items() if name != "actuators"})
+
+
+def test_a_chamber_that_closes_ends_with_a_word(tmp_path: Path) -> None:
+    with pytest.raises(WorkError, match="walls of the chamber 'air' pass through"):
+        datagen.solve(chamber(tmp_path), actuate=["air.volume=1e-9"])
+
+
+def _alone() -> Any:
+    from mpi4py import MPI
+
+    return MPI.COMM_SELF
