@@ -30,6 +30,7 @@ def content_problems(manifest: Manifest, arrays: Arrays) -> list[str]:
         problems += _support_problems(arrays) + body_problems(arrays)
     if manifest.forces is None and "samples/force_between" in arrays:
         problems.append("dataset 'samples/force_between' stands against the manifest's 'forces'")
+    problems += _actuator_problems(manifest, arrays)
     if manifest.kind == "nodal":
         problems += _result_problems(arrays)
     if manifest.structured is None:
@@ -56,6 +57,25 @@ def _load_problems(arrays: Arrays, group: str) -> list[str]:
     ordered = np.sort(nodes, axis=1)
     if np.any((ordered[:, 1:] == ordered[:, :-1]) & (ordered[:, 1:] != NO_NODE)):
         problems.append(f"dataset '{name}' names a node twice in one load case")
+    return problems
+
+
+def _actuator_problems(manifest: Manifest, arrays: Arrays) -> list[str]:
+    """Name values of actuators that the case has not, or that no cable or chamber can have."""
+    count = len(manifest.case.get("actuators") or {})
+    names = [f"samples/{name}" for name in ("actuation", "amplitude", "quantity")]
+    found = [arrays[name] for name in names if name in arrays]
+    if not found and (count == 0 or not len(arrays["samples/number"])):
+        return []
+    if len(found) < len(names) or any(values.shape[1] != count for values in found):
+        return [f"datasets '{names[0]}' … of the {count} actuators stand together"]
+    problems = [
+        f"dataset '{name}' has a number that is not finite"
+        for name, values in zip(names, found, strict=True)
+        if not np.isfinite(values).all()
+    ]
+    if not np.all(found[-1] > 0):
+        problems.append(f"dataset '{names[-1]}' has a length or volume of 0 or below")
     return problems
 
 

@@ -14,7 +14,7 @@ from datagen.discretisation.element import Element
 from datagen.mesh.geometries import Geometry
 from datagen.mesh.mesh_file import MeshFile
 from datagen.solver.settings import SolverSettings
-from shared_schema.actuators import Actuator, actuators_of
+from shared_schema.actuators import Cable, Chamber, actuators_of
 from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.configuration import (
     Frozen,
@@ -96,7 +96,7 @@ class Case(Frozen):
     element: Element = Field("linear", exclude_if=lambda element: element == "linear")
     supports: tuple[Support, ...] = Field(min_length=1)
     load: SerializeAsAny[LoadFamily] | tuple[SerializeAsAny[LoadFamily], ...] = ()
-    actuators: dict[str, SerializeAsAny[Actuator]] | None = Field(None, exclude_if=absent)
+    actuators: dict[str, Cable | Chamber] | None = Field(None, exclude_if=absent)
     solver: SolverSettings = SolverSettings()
     dataset: DatasetSettings
     units: Units = Field(SI, exclude_if=lambda units: units == SI)

@@ -123,7 +123,8 @@ class Key:
     Attributes
     ----------
     name : str
-        Names from the top, with points between them as for ``--set``; N counts entries of a list.
+        Names from the top, with points between them as for ``--set``; N counts entries of a list,
+        and NAME is one that the configuration chooses.
     only : str
         Variant of the section that has the key, such as ``kind: box``; empty if all have it.
     type : str
@@ -227,6 +228,11 @@ class _Walk:
                 entry = self.resolved(part.get("items") or {})
                 if "properties" in entry:
                     yield from self.keys(entry, f"{here}.N.")
+                named = part.get("additionalProperties")
+                each = self.options(self.resolved(named)) if isinstance(named, dict) else []
+                kinds = {kind["title"]: kind for kind in each if "properties" in kind}
+                of_kinds = {name: list(self.keys(k, f"{here}.NAME.")) for name, k in kinds.items()}
+                yield from joined(of_kinds, " or ".join)
 
     def type_of(self, schema: Schema) -> str:
         """Describe the type of a value."""

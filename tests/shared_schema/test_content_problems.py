@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from shared_schema.common.bodies.groups import GroupParts, group_arrays, groups_of, parts_of
-from shared_schema.content_problems import body_problems
+from shared_schema.content_problems import _actuator_problems, body_problems
 from shared_schema.layout import Arrays
 from shared_schema.shard import read_shard, write_shard
 
@@ -108,3 +109,21 @@ def test_violations(body: Arrays, change: Change, said: str) -> None:
     change(body)
     (problem,) = body_problems(body)
     assert said in problem
+
+
+def test_values_of_actuators(body: Arrays) -> None:
+    """Those of a case with two actuators stand together; lengths and volumes are positive."""
+    case = SimpleNamespace(case={"actuators": {"left": {}, "top": {}}})
+    samples = len(body["samples/number"])
+    names = [f"samples/{name}" for name in ("actuation", "amplitude", "quantity")]
+    right = body | {name: np.ones((samples, 2)) for name in names}
+    assert _actuator_problems(case, right) == []  # type: ignore[arg-type]
+    for change, said in (
+        ({names[2]: np.zeros((samples, 2))}, "a length or volume of 0"),
+        ({names[1]: np.full((samples, 2), np.nan)}, "not finite"),
+        ({names[0]: np.ones((samples, 1))}, "of the 2 actuators stand together"),
+    ):
+        (problem,) = _actuator_problems(case, right | change)  # type: ignore[arg-type]
+        assert said in problem
+    (problem,) = _actuator_problems(case, body)  # type: ignore[arg-type]
+    assert "stand together" in problem

@@ -133,7 +133,7 @@ def measured(
     return Convergence(tuple(errors(element, d, simplices, n, *of) for n in meshes))
 
 
-Forces = tuple[np.ndarray, np.ndarray, None, None, np.ndarray | None]
+Forces = tuple[np.ndarray, np.ndarray, tuple[()], None, np.ndarray | None]
 
 
 def at_nodes_and_between(problem: EquilibriumProblem, forces: np.ndarray) -> Forces:

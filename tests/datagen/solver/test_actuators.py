@@ -5,12 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 
 import datagen
 from datagen.cases.body import make_body
 from datagen.cases.case import read_case
+from datagen.output.nodal_samples import NodalSamples
 from shared_schema.common.errors import InputError, WorkError
 
 LENGTH, HEIGHT, OFFSET, YOUNG = 1.0, 0.05, 0.02, 1e6
@@ -138,3 +140,37 @@ def _alone() -> Any:
     from mpi4py import MPI
 
     return MPI.COMM_SELF
+
+
+def test_a_dataset_holds_what_is_given_and_found(tmp_path: Path) -> None:
+    """The recorded forces are those of the found amplitudes on the undeformed body."""
+    case = chamber(tmp_path, gas=[-2e4, 2e4], ambient=1e5)
+    rope = [{"fixed": [2, 2, -1]}, [0.5, 0.5, 0.5], [0.5, 0.5, 3.5], [3.5, 3.5, 3.5]]
+    case["actuators"]["rope"] = {"cable": rope, "length": [9, 9.9]}
+    datagen.run(case, tmp_path / "run")
+    samples = NodalSamples(tmp_path / "run")
+    with h5py.File(tmp_path / "run" / "shard-00000.h5") as file:
+        given, found, sizes = (
+            file[f"samples/{name}"][:] for name in ("actuation", "amplitude", "quantity")
+        )
+    assert samples.actuators.names == ("air", "rope")
+    for row, number in enumerate(samples.numbers):
+        sample, actuators = samples[number], samples.actuators
+        np.testing.assert_array_equal(given[row], actuators.draw(number, case["dataset"]["seed"]))
+        at_rest = actuators.forces_at_rest(found[row], samples.coordinates)
+        at_rest[samples.held] = 0.0
+        np.testing.assert_allclose(sample.force, at_rest, atol=1e-12 * np.abs(at_rest).max())
+        deformed = samples.coordinates + sample.displacement
+        for size, load in zip(sizes[row], actuators.loads, strict=True):
+            assert load.quantity(deformed) == pytest.approx(size, rel=1e-12)
+        amount = (1e5 + given[row, 0]) * actuators.rest[0]
+        assert (1e5 + found[row, 0]) * sizes[row, 0] == pytest.approx(amount, rel=1e-8)
+        assert sizes[row, 1] == pytest.approx(given[row, 1], rel=1e-8)
+    said = datagen.info(tmp_path / "run")
+    assert said["actuator air"].startswith("gas ")
+    assert said["actuator rope"].startswith("length 9.")
+    assert datagen.plot(tmp_path / "run", tmp_path / "figure.png")
+    made = datagen.structure(tmp_path / "run", tmp_path / "grid", grid="nodes")
+    with h5py.File(tmp_path / "grid" / made.shards[0].file) as file:
+        np.testing.assert_array_equal(file["samples/amplitude"][:], found)
+    assert datagen.check(tmp_path / "run") == datagen.check(tmp_path / "grid") == []
