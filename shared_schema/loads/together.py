@@ -110,11 +110,6 @@ class LoadsTogether:
         return self.body.held
 
     @property
-    def seed(self) -> int:
-        """Seed of the dataset."""
-        return self.parts[0].seed
-
-    @property
     def loadable(self) -> LoadableNodes:
         """Nodes of the first family."""
         return self.parts[0].loadable

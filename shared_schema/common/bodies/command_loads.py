@@ -33,7 +33,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,13 +46,15 @@ from shared_schema.common.bodies.distributed_loads import (
     nodal_volumes,
     pressure_forces,
 )
-from shared_schema.common.bodies.following_loads import PressedSurface
 from shared_schema.common.bodies.groups import GroupParts, cells_in, facets_in
 from shared_schema.common.bodies.nodal_forces import RELATIVE_TOLERANCE, nodal_forces, node_at
 from shared_schema.common.bodies.points_between import PointsBetween
 from shared_schema.common.errors import InputError
 from shared_schema.common.files import text_lines
 from shared_schema.common.solution_file import read_field, read_forces_between
+
+if TYPE_CHECKING:
+    from shared_schema.common.bodies.following_loads import PressedSurface
 
 Array = NDArray[np.float64]
 Loads: TypeAlias = str | Sequence[str] | Array
@@ -148,6 +150,8 @@ class CommandLoads:
     @property
     def following(self) -> tuple[PressedSurface, ...]:
         """The pressures as loads that follow the body."""
+        from shared_schema.common.bodies.following_loads import PressedSurface
+
         return tuple(map(PressedSurface, self.surfaces))
 
     @property
