@@ -58,7 +58,7 @@ class PODModel(Model):
         """True if the network contains the linear response of the body."""
         return self.pod.linear_modes > 0
 
-    def make_network(self, dimension: int, free: Tensor) -> nn.Module:
+    def make_network(self, dimension: int, free: Tensor, shape: Tensor | None = None) -> nn.Module:
         """Build the network, empty until `start_from_data` fits it."""
         return PODNetwork(self.pod, free)
 

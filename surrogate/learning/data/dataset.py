@@ -21,7 +21,7 @@ from shared_schema.manifest import Manifest, StructuredInfo
 from shared_schema.materials import Materials, materials_of
 from shared_schema.stiffness import Stiffness, read_stiffness
 from surrogate.learning.data.body_check import BodyRecord
-from surrogate.learning.data.samples import BETWEEN, NodalSamples, Samples, between_in
+from surrogate.learning.data.samples import BETWEEN, PARAMETERS, NodalSamples, Samples, further_in
 from surrogate.learning.data.samples_on_disk import AT_NODES, FIELDS, SamplesOnDisk, nodal_samples
 from surrogate.mechanics.body.elements_of_case import loads_of_before, with_elements
 from surrogate.mechanics.body.geometry import Geometry
@@ -86,6 +86,7 @@ class Dataset:
             np.concatenate([part.force for part in parts]),
             np.concatenate([part.displacement for part in parts]),
             joined_between([(len(part.force), part.force_between) for part in parts]),
+            parameters=joined_parameters([part.parameters for part in parts]),
         )
 
     def _parts(self, rows: Tensor) -> Iterator[tuple[SamplesOnDisk, Tensor]]:
@@ -148,16 +149,17 @@ def read_single(folder: Path, *, on_disk: bool = False, needs_samples: bool = Tr
     hint = "" if on_disk else " (with 'training.samples_on' = 'disk', only those of the test split)"
     require_memory(kept * sample, f"{folder}: {kept} samples in memory{hint}")
     train: Samples | None = None
-    between = between_in(reader)
-    if is_exact and not on_disk and not between:
-        trained, tested = reader.gathered(FIELDS, training, testing)  # every shard is read once
+    further = further_in(reader)
+    fields = (*FIELDS, *further[-1:]) if geometry.shapes is not None else FIELDS
+    if is_exact and not on_disk and BETWEEN not in further:
+        trained, tested = reader.gathered(fields, training, testing)  # every shard is read once
         train = samples_of(trained)
     else:
         if not on_disk:
-            (trained,) = reader.gathered(FIELDS, training)
+            (trained,) = reader.gathered(fields, training)
             train = samples_of(trained)
-        fields = FIELDS if is_exact else (*FIELDS, *AT_NODES)
-        (tested,) = reader.gathered((*fields, *between), testing)
+        at = () if is_exact else AT_NODES
+        (tested,) = reader.gathered((*FIELDS, *at, *further), testing)
     test = samples_of(tested)
     if is_exact:
         nodal_test = at_nodes(geometry.grid, test, tested.get(BETWEEN))
@@ -172,7 +174,8 @@ def read_single(folder: Path, *, on_disk: bool = False, needs_samples: bool = Tr
 def samples_of(arrays: Arrays) -> Samples:
     """Samples as tensors, which share their memory with the arrays."""
     force, displacement = FIELDS
-    return Samples(torch.from_numpy(arrays[force]), torch.from_numpy(arrays[displacement]))
+    fields = torch.from_numpy(arrays[force]), torch.from_numpy(arrays[displacement])
+    return Samples(*fields, parameters=arrays.get(PARAMETERS))
 
 
 def at_nodes(
@@ -181,7 +184,15 @@ def at_nodes(
     """Take samples from an exact grid to the nodes, with their forces between these."""
     force = grid.to_nodes(samples.force.numpy()).astype(np.float64)
     displacement = grid.to_nodes(samples.displacement.numpy()).astype(np.float64)
-    return NodalSamples(force, displacement, force_between)
+    return NodalSamples(force, displacement, force_between, parameters=samples.parameters)
+
+
+def joined_parameters(
+    parts: Sequence[NDArray[np.float64] | None],
+) -> NDArray[np.float64] | None:
+    """Parameters of the shapes of several datasets of one body; None of one shape."""
+    known = [part for part in parts if part is not None]
+    return np.concatenate(known) if known else None
 
 
 def joined_between(

@@ -17,7 +17,7 @@ from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.errors import InputError
 from shared_schema.manifest import ComponentStatistics, digest_of
 from surrogate.learning.data.body_check import BODY_KEYS, require_same_body
-from surrogate.learning.data.dataset import Dataset, read_single
+from surrogate.learning.data.dataset import Dataset, joined_parameters, read_single
 from surrogate.learning.data.samples import Samples
 
 
@@ -95,6 +95,7 @@ def joined(datasets: Sequence[Dataset]) -> Dataset:
     train = Samples(
         torch.cat([one.train.force for one in datasets]),
         torch.cat([one.train.displacement for one in datasets]),
+        parameters=joined_parameters([one.train.parameters for one in datasets]),
     )
     return replace(
         first,

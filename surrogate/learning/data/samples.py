@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 Location = Literal["auto", "device", "host", "disk"]  # memory of the samples during a training
 Array = NDArray[np.float64]
-BETWEEN = "samples/force_between"
+BETWEEN, PARAMETERS = "samples/force_between", "samples/parameters"
 
 
 @dataclass(frozen=True)
@@ -33,16 +33,22 @@ class Samples:
         In N.
     displacement : Tensor, (N, d, nx, ny[, nz])
         In m.
+    parameters : array, (N, n_parameters), or None
+        Those of every sample's shape; None of one shape.
     """
 
     force: Tensor
     displacement: Tensor
+    parameters: Array | None = field(default=None, kw_only=True)
 
     def __len__(self) -> int:
         return len(self.force)
 
     def __getitem__(self, index: Tensor | slice) -> Samples:
-        return Samples(self.force[index], self.displacement[index])
+        parameters = self.parameters
+        if parameters is not None:
+            parameters = parameters[index if isinstance(index, slice) else index.cpu().numpy()]
+        return Samples(self.force[index], self.displacement[index], parameters=parameters)
 
     def subset(self, rows: Tensor) -> Samples:
         """Some of the samples, given their ascending rows; all of them are not copied."""
@@ -58,7 +64,8 @@ class Samples:
 
     def to(self, device: torch.device) -> Samples:
         """The same samples on a device."""
-        return Samples(self.force.to(device), self.displacement.to(device))
+        fields = self.force.to(device), self.displacement.to(device)
+        return Samples(*fields, parameters=self.parameters)
 
 
 @dataclass(frozen=True)
@@ -73,11 +80,14 @@ class NodalSamples:
         In m.
     force_between : array, (N, n_between, d), or None
         Forces between the nodes in N, which `force` contains; None where there are none.
+    parameters : array, (N, n_parameters), or None
+        Those of every sample's shape; None of one shape.
     """
 
     force: Array
     displacement: Array
     force_between: Array | None = None
+    parameters: Array | None = field(default=None, kw_only=True)
 
     @property
     def load(self) -> Array:
@@ -118,15 +128,16 @@ def read_nodal_dataset(folder: str | Path) -> NodalDataset:
     if reader.manifest.samples == 0:
         raise InputError(f"{folder}: no samples in it")
     names = ("samples/loaded_nodes", "samples/force", "samples/displacement")
-    arrays = reader.joined((*names, *between_in(reader)))
+    arrays = reader.joined((*names, *further_in(reader)))
     coordinates = reader.body["mesh/coordinates"]
     force = scatter_forces(
         arrays["samples/loaded_nodes"], arrays["samples/force"], len(coordinates)
     )
-    samples = NodalSamples(force, arrays["samples/displacement"], arrays.get(BETWEEN))
+    fields = force, arrays["samples/displacement"], arrays.get(BETWEEN)
+    samples = NodalSamples(*fields, parameters=arrays.get(PARAMETERS))
     return NodalDataset(reader.manifest, coordinates, samples)
 
 
-def between_in(reader: DatasetReader) -> tuple[str, ...]:
-    """Name of the forces between the nodes, if a dataset has some."""
-    return (BETWEEN,) if reader.has(BETWEEN) else ()
+def further_in(reader: DatasetReader) -> tuple[str, ...]:
+    """Names of forces between the nodes and of parameters of shapes, if a dataset has some."""
+    return tuple(name for name in (BETWEEN, PARAMETERS) if reader.has(name))

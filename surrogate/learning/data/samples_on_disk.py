@@ -28,7 +28,7 @@ from shared_schema.common.errors import InputError
 from shared_schema.dataset_reader import DatasetReader, Selection
 from shared_schema.layout import Arrays
 from shared_schema.shard import read_arrays
-from surrogate.learning.data.samples import BETWEEN, NodalSamples, Samples, between_in
+from surrogate.learning.data.samples import BETWEEN, PARAMETERS, NodalSamples, Samples, further_in
 
 FIELDS = ("samples/force", "samples/displacement")
 AT_NODES = ("samples/loaded_nodes", "samples/nodal_force", "samples/nodal_displacement")
@@ -73,16 +73,15 @@ class SamplesOnDisk:
 
     def at_nodes(self, rows: Tensor) -> NodalSamples:
         """Read some samples of an embedded grid by nodes."""
-        names = (*AT_NODES, *between_in(self.reader))
+        names = (*AT_NODES, *further_in(self.reader))
         (arrays,) = self.reader.gathered(names, self.selection[rows.numpy()])
         return nodal_samples(arrays, len(self.reader.body["mesh/coordinates"]))
 
     def between(self, rows: Tensor) -> NDArray[np.float64] | None:
         """Read the forces between the nodes of some samples; None if the dataset has none."""
-        names = between_in(self.reader)
-        if not names:
+        if BETWEEN not in further_in(self.reader):
             return None
-        (arrays,) = self.reader.gathered(names, self.selection[rows.numpy()])
+        (arrays,) = self.reader.gathered((BETWEEN,), self.selection[rows.numpy()])
         return arrays[BETWEEN]
 
     @cached_property
@@ -176,4 +175,5 @@ def nodal_samples(arrays: Arrays, nodes: int) -> NodalSamples:
     loaded, loads, displacement = AT_NODES
     force = scatter_forces(arrays[loaded].astype(np.int64), arrays[loads], nodes)
     moved = arrays[displacement].astype(np.float64)
-    return NodalSamples(force.astype(np.float64), moved, arrays.get(BETWEEN))
+    fields = force.astype(np.float64), moved, arrays.get(BETWEEN)
+    return NodalSamples(*fields, parameters=arrays.get(PARAMETERS))

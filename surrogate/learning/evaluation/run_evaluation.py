@@ -19,7 +19,11 @@ from shared_schema.common.errors import InputError
 from surrogate.learning.data.body_check import BODY_KEYS, BodyRecord, require_same_body
 from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.data.joined_dataset import read_dataset
-from surrogate.learning.inference.calibration import fit_fast_certificate, fit_intervals
+from surrogate.learning.inference.calibration import (
+    fit_fast_certificate,
+    fit_intervals,
+    require_one_shape,
+)
 from surrogate.learning.inference.loading import load
 from surrogate.learning.inference.surrogate import Surrogate
 from surrogate.learning.measures.error_metrics import (
@@ -260,14 +264,18 @@ def evaluate(
         intervals = fit_intervals(surrogate, data, conformal, passes, seed)
     if certify and has_estimate(surrogate, data.nodal_test.load):
         fast = fast_bounds(surrogate, data, passes, seed)
-    predicted = surrogate.averaged_passes(force, passes, seed)
+    shapes = data.nodal_test.parameters
+    predicted = surrogate.averaged_passes(force, passes, seed, shapes)
     if surrogate.is_probabilistic:
         calibration = measure_calibration(predicted.mean, predicted.std, reference, free)
     if loads is not None:
         others = extrapolate(surrogate, Path(loads), passes, seed)
     measures = measure(force, predicted.mean, reference, tip)
     acting = acting_in(data)
-    stress = measure_stresses(surrogate, predicted.mean, reference, acting.dead, acting.following)
+    stress = None
+    if shapes is None:
+        of = predicted.mean, reference, acting.dead, acting.following
+        stress = measure_stresses(surrogate, *of)
     example = find_example(force, reference, tip, np.array([tip]), example_displacement)
     moved, error = tip_measures(predicted.mean[example], reference[example], tip)
     content = origin_of(folder, surrogate, data) | {
@@ -334,6 +342,7 @@ def acting_in(data: Dataset) -> Load:
 def has_estimate(surrogate: Surrogate, force: Array) -> bool:
     """Whether there are fast estimates for the body and samples of a run; if not, log why."""
     try:
+        require_one_shape(surrogate)
         surrogate.fast_estimate  # noqa: B018
         Load.of_samples(surrogate.geometry, force)
     except InputError as error:

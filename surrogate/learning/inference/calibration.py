@@ -131,7 +131,7 @@ class HeldOut:
     ) -> HeldOut:
         """Predict some samples of the training split, by their rows in it."""
         samples = dataset.nodal_train(rows)
-        predicted = surrogate.averaged_passes(samples.force, passes, seed)
+        predicted = surrogate.averaged_passes(samples.force, passes, seed, samples.parameters)
         return cls(samples.load, samples.displacement, predicted)
 
     @classmethod
@@ -249,6 +249,16 @@ def fit_fast_certificate(
     return fit_on_samples(surrogate, HeldOut.of(surrogate, dataset, rows, passes, seed))
 
 
+def require_one_shape(surrogate: Surrogate) -> None:
+    """Raise InputError if fast bounds would be those of one of many shapes."""
+    if surrogate.geometry.shapes is not None:
+        raise InputError(
+            "certify: fast bounds are those of a body of one shape; full certificates, directions "
+            "and corrections are for all",
+            "certify",
+        )
+
+
 def fit_on_samples(surrogate: Surrogate, samples: HeldOut) -> FastCertificate:
     """Calibrate the fast certificate on samples that were not trained on.
 
@@ -306,6 +316,7 @@ def calibrate(
         if value < 0:
             raise InputError(f"{key} {value}: expected 0 or more", key)
     model = load(run)
+    require_one_shape(model)
     model.body.equilibrium  # noqa: B018 (refuses a run without a material, before the work)
     fields = 4 * (loads + fresh) * model.geometry.coordinates.nbytes
     require_memory(fields, f"loads {loads}: the fields", "loads")

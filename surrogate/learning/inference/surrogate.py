@@ -264,10 +264,26 @@ class Surrogate(Remade):
         return self.averaged_passes(forces, passes, seed)
 
     def averaged_passes(
-        self, forces: ArrayLike | Tensor, passes: int = PASSES, seed: int = 0
+        self,
+        forces: ArrayLike | Tensor,
+        passes: int = PASSES,
+        seed: int = 0,
+        shapes: Array | None = None,
     ) -> Distribution:
-        """Do what `predict_distribution` does, of any network: σ is 0 if it predicts none."""
+        """Do what `predict_distribution` does, of any network: σ is 0 if it predicts none.
+
+        With parameters of `shapes`, (N, n_parameters), every load acts on a shape of its own.
+        """
         require_passes(passes, seed)
+        if shapes is not None and self.geometry.shapes is not None:
+            several, names = checked_loads(self.geometry, forces), self.geometry.shapes.names
+            each = [
+                self.of_shape(dict(zip(names, values, strict=True))).averaged_passes(
+                    several[row : row + 1], passes, seed
+                )
+                for row, values in enumerate(shapes.tolist())
+            ]
+            return Distribution.joined(each)
         return self.predictor.distribution(checked_loads(self.geometry, forces), passes, seed)
 
     @checked_arguments
@@ -622,6 +638,7 @@ class Surrogate(Remade):
             device = self.network.free.device.type
             made = make_surrogate(tensors, self.description, device)
             made.mean_error, made.precision = self.mean_error, self.precision
+            made.folder = self.folder
             if len(self._shapes) >= SHAPES:
                 self._shapes.pop(next(iter(self._shapes)), None)
             self._shapes[key] = made

@@ -27,7 +27,8 @@ def keep_columns(model: Surrogate, nodes: str | ArrayLike) -> None:
         return
     inputs = compliance.inputs_at(model.geometry.nodes_of(nodes))
     columns = compliance.kept.keep(inputs)
-    if model.folder is not None and not is_shelved(model.folder):
+    of_one_shape = model.geometry.shapes is None
+    if of_one_shape and model.folder is not None and not is_shelved(model.folder):
         dofs, place = by_component(model), np.zeros(model.geometry.coordinates.size, np.int64)
         place[dofs] = np.arange(len(dofs))
         found = {INPUTS: place[inputs], COLUMNS: columns[:, dofs]}

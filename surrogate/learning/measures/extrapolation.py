@@ -99,5 +99,7 @@ def extrapolate(surrogate: Surrogate, nodal: Path, passes: int, seed: int) -> Ex
         BodyRecord(dataset.manifest.case, {"coordinates": dataset.coordinates}),
         f"--loads '{nodal}': another body than the run's",
     )
-    predicted = surrogate.averaged_passes(dataset.samples.force, passes, seed)
+    predicted = surrogate.averaged_passes(
+        dataset.samples.force, passes, seed, dataset.samples.parameters
+    )
     return Extrapolation(dataset.manifest.name, surrogate, dataset.samples, predicted)

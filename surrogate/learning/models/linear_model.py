@@ -39,7 +39,7 @@ class LinearModel(TrainedModel):
                 )
         return self
 
-    def make_network(self, dimension: int, free: Tensor) -> nn.Module:
+    def make_network(self, dimension: int, free: Tensor, shape: Tensor | None = None) -> nn.Module:
         """Build the layer; its weights are zero until `start_from_data`."""
         return LinearMap(dimension, free)
 

@@ -22,7 +22,7 @@ from surrogate.learning.models.training_config import (
     SplitConfig,
     TrainingConfig,
 )
-from surrogate.learning.networks.field_network import FieldNetwork, Input, channels_of
+from surrogate.learning.networks.field_network import Channels, FieldNetwork, Input, channels_of
 from surrogate.learning.probabilistic.distribution import Moments
 from surrogate.learning.probabilistic.flipout import VariationalConfig
 from surrogate.learning.probabilistic.likelihoods import Likelihood, Prediction
@@ -185,14 +185,27 @@ class Model(Frozen, ABC):
             Material of the body, for networks that contain its linear response.
         """
         free = torch.from_numpy(geometry.free_mask)
-        network = self.make_network(geometry.dimension, free)
+        network = self.make_network(geometry.dimension, free, geometry.shape)
         linear = self.response(geometry, required(material)) if self.needs_material else None
-        return FieldNetwork(network, geometry, info, linear, self.inputs, self.adds_response)
+        inputs = self.inputs if geometry.shape is None else self.inputs_of_shapes
+        return FieldNetwork(network, geometry, info, linear, inputs, self.adds_response)
 
     @property
     def inputs(self) -> tuple[Input, ...]:
         """Inputs of the network."""
         return ("force",)
+
+    @property
+    def inputs_of_shapes(self) -> tuple[Channels, ...]:
+        """Inputs of a network for a family of shapes."""
+        return self.inputs
+
+    def require_shapes(self, dataset: Dataset) -> None:
+        """Raise InputError unless the model can learn from a family of shapes."""
+        raise InputError(
+            f"config '{self.name}': key 'model' = '{self.model}', on samples of many shapes: "
+            "expected 'reduced', 'unet' or 'series'"
+        )
 
     @property
     def adds_response(self) -> bool:
@@ -204,7 +217,7 @@ class Model(Frozen, ABC):
         return LinearResponse(geometry, material, gradient=False)
 
     @abstractmethod
-    def make_network(self, dimension: int, free: Tensor) -> nn.Module:
+    def make_network(self, dimension: int, free: Tensor, shape: Tensor | None = None) -> nn.Module:
         """Build the network that maps scaled forces to scaled displacements.
 
         Parameters
@@ -213,11 +226,15 @@ class Model(Frozen, ABC):
             Number of space dimensions d.
         free : Tensor of bool, (nx, ny[, nz])
             True at grid points that are nodes and not clamped.
+        shape : Tensor, (n_parameters,), optional
+            Parameters of the body's shape between −1 and 1, of a family of shapes.
         """
 
-    def input_channels(self, dimension: int) -> int:
+    def input_channels(self, dimension: int, shape: Tensor | None = None) -> int:
         """Return the number of channels of the network's input in d dimensions."""
-        return channels_of(self.inputs, dimension)[self.inputs[-1]].stop
+        inputs: tuple[Channels, ...] = self.inputs if shape is None else self.inputs_of_shapes
+        count = 0 if shape is None else len(shape)
+        return channels_of(inputs, dimension, count)[inputs[-1]].stop
 
     def require_suitable(self, dataset: Dataset, train: Sized) -> None:
         """Raise InputError, naming the key, unless the model can learn from these data."""

@@ -43,6 +43,7 @@ def training_memory(config: TrainedModel, geometry: Geometry, batch: int) -> int
         0 for a network that cannot be built without values.
     """
     training, free = config.training, torch.from_numpy(geometry.free_mask)
+    shape = geometry.shape
     kept: dict[int, int] = {}
 
     def keep(value: Tensor) -> Tensor:
@@ -52,9 +53,9 @@ def training_memory(config: TrainedModel, geometry: Geometry, batch: int) -> int
 
     try:
         with META:
-            network = config.make_network(geometry.dimension, free).to(META)
-            shape = (batch, config.input_channels(geometry.dimension), *free.shape)
-            values = torch.zeros(shape)
+            network = config.make_network(geometry.dimension, free, shape).to(META)
+            channels = config.input_channels(geometry.dimension, shape)
+            values = torch.zeros(batch, channels, *free.shape)
         with torch.autograd.graph.saved_tensors_hooks(keep, lambda value: value):
             network(values)
     except NotImplementedError:
@@ -101,17 +102,20 @@ class NetworkModel(TrainedModel):
             )
         return self
 
-    def members(self, free: Tensor) -> nn.Module:
+    def members(self, free: Tensor, shape: Tensor | None = None) -> nn.Module:
         """Build the network, or the ensemble; member 0 has the weights of a single network."""
         networks = []
         for number in range(self.ensemble):
             torch.manual_seed(stream(self.seed, INITIAL_WEIGHTS, *((number,) if number else ())))
-            networks.append(self.member(free, number))
+            networks.append(self.member(free, number, 0 if shape is None else len(shape)))
         return Ensemble(networks) if self.ensemble > 1 else networks[0]
 
     @abstractmethod
-    def member(self, free: Tensor, number: int) -> nn.Module:
-        """Build one network on a grid, (nx, ny[, nz]), given its number in the ensemble."""
+    def member(self, free: Tensor, number: int, parameters: int = 0) -> nn.Module:
+        """Build one network on a grid, (nx, ny[, nz]), given its number in the ensemble.
+
+        It has further inputs for the parameters of shapes.
+        """
 
     @property
     def predicts_std(self) -> bool:

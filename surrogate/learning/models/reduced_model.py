@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal, Self
 from pydantic import model_validator
 from torch import Tensor, nn
 
+from shared_schema.common.errors import InputError
 from surrogate.learning.data.samples import Samples
 from surrogate.learning.data.terms_on_grid import series_on_grid
 from surrogate.learning.models.model import (
@@ -16,7 +17,7 @@ from surrogate.learning.models.model import (
     VariationalBayes,
 )
 from surrogate.learning.models.network_model import NetworkModel
-from surrogate.learning.networks.field_network import FieldNetwork
+from surrogate.learning.networks.field_network import Channels, FieldNetwork
 from surrogate.learning.networks.modes import chosen_rows
 from surrogate.learning.networks.reduced_network import (
     DenseNetwork,
@@ -76,14 +77,33 @@ class ReducedModel(NetworkModel):
         """True if the network goes on from the linear response by a load series."""
         return bool(self.network.series)
 
-    def make_network(self, dimension: int, free: Tensor) -> nn.Module:
-        """Build the network; its modes are empty until `start_from_data`."""
-        return ReducedNetwork(self.members(free), self.network, dimension, free)
+    @property
+    def inputs_of_shapes(self) -> tuple[Channels, ...]:
+        """Inputs of a network for a family of shapes, whose responses have the same modes."""
+        return "response", "shape"
 
-    def member(self, free: Tensor, number: int) -> nn.Module:
+    def require_shapes(self, dataset: Dataset) -> None:
+        """Raise InputError unless the grid points are nodes and there is no load series."""
+        where = f"config '{self.name}': key"
+        if self.network.series:
+            raise InputError(
+                f"{where} 'network.series' = {list(self.network.series)}: expected none for "
+                "samples of many shapes"
+            )
+        if not dataset.geometry.grid.points_are_nodes:
+            raise InputError(
+                f"{where} 'model' = 'reduced', on samples of many shapes: expected a dataset "
+                "of `datagen structure --grid nodes`"
+            )
+
+    def make_network(self, dimension: int, free: Tensor, shape: Tensor | None = None) -> nn.Module:
+        """Build the network; its modes are empty until `start_from_data`."""
+        return ReducedNetwork(self.members(free, shape), self.network, dimension, free, shape)
+
+    def member(self, free: Tensor, number: int, parameters: int = 0) -> nn.Module:
         """Build one dense network."""
         outputs = output_channels(self.likelihood, self.network.output_modes)
-        return DenseNetwork(self.network, outputs, self.random_layers)
+        return DenseNetwork(self.network, outputs, self.random_layers, parameters)
 
     def require_suitable(self, dataset: Dataset, train: Sized) -> None:
         """Raise InputError if there are more modes than samples or free degrees of freedom."""
@@ -101,11 +121,12 @@ class ReducedModel(NetworkModel):
         reduced, response = network.network, network.linear
         assert isinstance(reduced, ReducedNetwork)
         assert isinstance(response, LinearResponse)
+        of_responses = network.shape is not None
         reduced.fit(
-            lambda force: response(force)[0],
+            (lambda field: field) if of_responses else (lambda force: response(force)[0]),
             train.displacement - correction,
             correction / network.displacement_scale,
-            network.force_scale,
+            network.displacement_rms if of_responses else network.force_scale,
             stream(self.seed, INITIAL_WEIGHTS),
         )
         if reduced.series is not None:

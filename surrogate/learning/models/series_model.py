@@ -69,7 +69,7 @@ class SeriesModel(Model):
             return super().response(geometry, material)
         return SeriesResponse(geometry, material, False, self.series_order)
 
-    def make_network(self, dimension: int, free: Tensor) -> nn.Module:
+    def make_network(self, dimension: int, free: Tensor, shape: Tensor | None = None) -> nn.Module:
         """Return what adds nothing to the response."""
         return NoNetwork()
 

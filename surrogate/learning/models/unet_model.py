@@ -18,7 +18,7 @@ from surrogate.learning.models.model import (
     VariationalBayes,
 )
 from surrogate.learning.models.network_model import NetworkModel
-from surrogate.learning.networks.field_network import FieldNetwork, Input
+from surrogate.learning.networks.field_network import Channels, FieldNetwork, Input
 from surrogate.learning.networks.unet import UNet, UNetConfig
 from surrogate.learning.probabilistic.flipout import VariationalConvolutions
 from surrogate.learning.probabilistic.likelihoods import output_channels
@@ -132,15 +132,29 @@ class UNetModel(NetworkModel):
             network.linear.scale_gradient(train.force)
         super().start_from_data(network, dataset, train)
 
-    def make_network(self, dimension: int, free: Tensor) -> nn.Module:
-        """Build the U-Net, or the ensemble: (N, d, *grid) → (K·N, d or 2d, *grid)."""
-        return self.members(free)
+    @property
+    def inputs_of_shapes(self) -> tuple[Channels, ...]:
+        """Inputs of a network for a family of shapes."""
+        return (*self.network.inputs, "shape")
 
-    def member(self, free: Tensor, number: int) -> UNet:
+    def require_shapes(self, dataset: Dataset) -> None:
+        """Raise InputError if the network contains the response of the body."""
+        if self.needs_material:
+            raise InputError(
+                f"config '{self.name}': key 'network', on samples of many shapes: expected inputs "
+                "[force] and skip 'none'"
+            )
+
+    def make_network(self, dimension: int, free: Tensor, shape: Tensor | None = None) -> nn.Module:
+        """Build the U-Net, or the ensemble: (N, d, *grid) → (K·N, d or 2d, *grid)."""
+        return self.members(free, shape)
+
+    def member(self, free: Tensor, number: int, parameters: int = 0) -> UNet:
         """Build one U-Net."""
         outputs, last_axis = output_channels(self.likelihood, free.ndim), free.shape[-1]
         convolutions = self.random_convolutions
-        return UNet(free.ndim, outputs, self.network, convolutions, number, last_axis)
+        of = free.ndim, outputs, self.network, convolutions, number, last_axis
+        return UNet(*of, parameters)
 
     @property
     def has_dropout(self) -> bool:

@@ -10,7 +10,9 @@ from collections.abc import Callable, Sequence
 from math import prod
 from typing import Any, Literal
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional
 
@@ -23,6 +25,7 @@ from surrogate.mechanics.body.geometry import Geometry, at_components
 from surrogate.mechanics.equilibrium.linear_response import LinearResponse
 
 Input = Literal["force", "linear_gradient", "last_gradient"]
+Channels = Literal["force", "linear_gradient", "last_gradient", "response", "shape"]
 AT_ONCE = 64  # samples that are prepared at once
 SMALLEST_SCALE = 1e-9  # relative to the displacement; float32 holds the variances of such errors
 SMALLEST_STD = 1e-6  # relative to the displacement scale; float32 resolves nothing finer
@@ -31,12 +34,18 @@ TINY = 1e-30  # no division by zero
 POWERS = (-10, 31)  # of two: shares of the linear response that are tried
 
 
-def channels_of(inputs: Sequence[Input], dimension: int) -> dict[Input, slice]:
-    """Return the channels of every input, in order: d of a force, d² of a gradient."""
-    channels: dict[Input, slice] = {}
+def channels_of(
+    inputs: Sequence[Channels], dimension: int, parameters: int = 0
+) -> dict[Channels, slice]:
+    """Return the channels of every input, in order.
+
+    There are d of a force or a response, d² of a gradient, and one a parameter of a shape.
+    """
+    widths = {"force": dimension, "response": dimension, "shape": parameters}
+    channels: dict[Channels, slice] = {}
     start = 0
     for name in inputs:
-        stop = start + (dimension if name == "force" else dimension**2)
+        stop = start + widths.get(name, dimension**2)
         channels[name] = slice(start, stop)
         start = stop
     return channels
@@ -69,8 +78,9 @@ class FieldNetwork(nn.Module):
         Statistics of the training split, for the scales.
     linear : LinearResponse, optional
         Linear response of the body: from forces in N to displacements in m and scaled gradients.
-    inputs : sequence of {"force", "linear_gradient", "last_gradient"}
-        Inputs of the network, in order; gradients need `linear`, the last one a `SeriesResponse`.
+    inputs : sequence of {"force", "linear_gradient", "last_gradient", "response", "shape"}
+        Inputs of the network, in order; gradients and the response need `linear`, the last gradient
+        a `SeriesResponse`. The shape is that of the geometry, in constant channels.
     skip : bool
         Add the linear response to the mean.
 
@@ -86,6 +96,8 @@ class FieldNetwork(nn.Module):
         Channels of the last gradient, which gives the size of the output (`amplitude`), if any.
     linear_share : Tensor, (), or None
         Share of the linear gradient in that size, on an embedded grid; `scale_output` fits it.
+    shape : Tensor, (n_parameters,), or None
+        Parameters of the geometry's shape between −1 and 1, if they are inputs.
     force_scale : Tensor, ()
         Scale of forces in N: a/√3, the standard deviation of a uniform distribution U(−a, a), with
         the largest force component a of the training split.
@@ -106,6 +118,7 @@ class FieldNetwork(nn.Module):
         Factor on both, by the number of loaded nodes.
     """
 
+    shape: Tensor | None
     force_scale: Tensor
     displacement_rms: Tensor
     displacement_scale: Tensor
@@ -122,13 +135,16 @@ class FieldNetwork(nn.Module):
         geometry: Geometry,
         info: StructuredInfo,
         linear: LinearResponse | None = None,
-        inputs: Sequence[Input] = ("force",),
+        inputs: Sequence[Channels] = ("force",),
         skip: bool = False,
     ) -> None:
         super().__init__()
         self.network, self.members = network, members_of(network)
         self.linear, self.inputs, self.skip = linear, tuple(inputs), skip
-        self.channels = channels_of(inputs, geometry.dimension)
+        self.shapes, shape = geometry.shapes, geometry.shape if "shape" in inputs else None
+        self.register_buffer("shape", shape, persistent=False)
+        count = 0 if shape is None else len(shape)
+        self.channels = channels_of(inputs, geometry.dimension, count)
         self.last_gradient = self.channels.get("last_gradient")
         self.node_fraction = float(geometry.grid.mask.mean())
         free = torch.from_numpy(geometry.free_mask).float()
@@ -267,7 +283,7 @@ class FieldNetwork(nn.Module):
 
     def scaled(self, inputs: Tensor) -> Tensor:
         """Scale the inputs of `learned` for the network; those of a linear response are already."""
-        if self.linear is None:
+        if self.linear is None and self.shape is None:
             return inputs / self.force_scale
         if self.last_gradient is None:
             return inputs
@@ -277,20 +293,29 @@ class FieldNetwork(nn.Module):
         return torch.cat([inputs[:, :start], direction, inputs[:, stop:]], dim=1)
 
     def inputs_of(
-        self, force: Tensor, response: Tensor | None = None
+        self, force: Tensor, response: Tensor | None = None, shape: Tensor | None = None
     ) -> tuple[Tensor, Tensor | None]:
-        """Inputs of `learned`, and the linear response that its output is added to."""
-        if self.linear is None:
-            return force, None
-        displacement, gradient = self.linear(force, response)
-        return self.inputs_with(force, gradient), displacement if self.skip else None
+        """Inputs of `learned`, and the linear response that its output is added to.
 
-    def inputs_with(self, force: Tensor, gradient: Tensor) -> Tensor:
-        """Inputs of `learned`, with the gradients of the response."""
-        channels = force.shape[1] ** 2
-        fields = {"force": force / self.force_scale, "linear_gradient": gradient[:, :channels]}
-        fields["last_gradient"] = gradient[:, channels:]
-        return torch.cat([fields[name] for name in self.inputs], dim=1)
+        The response is known, or computed, and that of the given shapes, (N, n_parameters), each
+        between −1 and 1; by default all samples have the shape of the geometry.
+        """
+        fields: dict[Channels, Tensor] = {"force": force / self.force_scale}
+        displacement: Tensor | None = None
+        if self.linear is not None:
+            displacement, gradient = self.linear(force, response)
+            channels = force.shape[1] ** 2
+            fields["response"] = displacement * self.movable / self.displacement_rms
+            fields["linear_gradient"] = gradient[:, :channels]
+            fields["last_gradient"] = gradient[:, channels:]
+        elif self.shape is None:
+            return force, None
+        if self.shape is not None:
+            of = self.shape.expand(len(force), -1) if shape is None else shape.to(force)
+            ones = (1,) * (force.ndim - 2)
+            fields["shape"] = of.reshape(*of.shape, *ones).expand(-1, -1, *force.shape[2:])
+        inputs = torch.cat([fields[name] for name in self.inputs], dim=1)
+        return inputs, displacement if self.skip else None
 
     @torch.no_grad()
     def prepared(self, samples: Samples, report: Callable[[int], object] | None = None) -> Samples:
@@ -312,12 +337,13 @@ class FieldNetwork(nn.Module):
             (N, inputs, nx, ny[, nz]), and displacements in m less the linear response if the
             network's output is added to it.
         """
-        if self.linear is None:
+        if self.linear is None and self.shape is None:
             return samples
         parts: list[Samples] = []
         for start in range(0, max(len(samples), 1), AT_ONCE):
             part = samples[start : start + AT_ONCE]
-            inputs, linear = self.inputs_of(part.force.to(self.force_scale.device))
+            force = part.force.to(self.force_scale.device)
+            inputs, linear = self.inputs_of(force, *self._in_shapes(force, part.parameters))
             target = part.displacement
             if linear is not None:
                 target = target - (linear * self.movable).to(target.device)
@@ -328,6 +354,19 @@ class FieldNetwork(nn.Module):
             torch.cat([part.force for part in parts]),
             torch.cat([part.displacement for part in parts]),
         )
+
+    def _in_shapes(
+        self, force: Tensor, parameters: NDArray[np.float64] | None
+    ) -> tuple[Tensor | None, Tensor | None]:
+        """Linear responses at the nodes, and shapes between −1 and 1, of samples in their shapes.
+
+        None of those of the geometry.
+        """
+        if parameters is None or self.shapes is None:
+            return None, None
+        shape = torch.from_numpy(self.shapes.scaled(parameters)).float()
+        response = None if self.linear is None else self.linear.in_shapes(force, parameters)
+        return response, shape
 
 
 def share_of_linear(sizes: Tensor, last: Tensor, linear: Tensor) -> Tensor:

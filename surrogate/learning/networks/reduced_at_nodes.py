@@ -17,7 +17,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from surrogate.learning.networks.field_network import on_grid
+from surrogate.learning.networks.field_network import at_points, on_grid
 from surrogate.learning.networks.nodal_network import NodalNetwork
 from surrogate.learning.networks.reduced_network import ReducedNetwork
 from surrogate.mechanics.equilibrium.compliance import Compliance
@@ -26,6 +26,7 @@ from surrogate.mechanics.equilibrium.linear_response import LinearResponse
 from surrogate.mechanics.series.series_response import SeriesResponse
 
 TOGETHER = 64  # loads that are predicted together: matrices and factors are read once for them
+INPUTS = ("force",), ("response", "shape")
 SPARSE = 4  # inputs for every loaded one, from which on loads take rows of the encoder
 Array = NDArray[np.float64]
 
@@ -44,7 +45,7 @@ class ReducedAtNodes:
         assert isinstance(reduced, ReducedNetwork)
         assert isinstance(linear, LinearResponse)
         self.network, self.reduced, self.linear = network, reduced, linear
-        self.encoder = of_nodal_forces(network, reduced.encoder)
+        self.encoder = of_nodal_forces(network, encoder_of_forces(network))
         self.modes = nodal_modes(network).transpose(1, 2).flatten(1).contiguous()
         self.compliance: Compliance | None = None
         maps = network.to_nodes, network.to_grid, linear.to_grid, linear.to_nodes
@@ -62,7 +63,7 @@ class ReducedAtNodes:
     def fits(network: NodalNetwork) -> bool:
         """Whether a network is such a one, on a CPU, without random weights."""
         field = network.network
-        is_reduced = isinstance(field.network, ReducedNetwork) and field.inputs == ("force",)
+        is_reduced = isinstance(field.network, ReducedNetwork) and field.inputs in INPUTS
         is_linear = isinstance(field.linear, LinearResponse)
         is_linear = is_linear and not isinstance(field.linear, SeriesResponse)
         return is_reduced and is_linear and field.skip and field.free.device.type == "cpu"
@@ -106,6 +107,21 @@ class ReducedAtNodes:
         displacement = self.linear(grid)[0] if nodal is None else self.linear.on_grid(nodal)[0]
         u = network.at_nodes(displacement * movable, nodal)
         return np.asarray(u.transpose(1, 2).flatten(1).numpy())
+
+
+@torch.inference_mode()
+def encoder_of_forces(network: NodalNetwork) -> Tensor:
+    """Encoder of scaled forces on the grid, also of a network whose input is the response to them.
+
+    As the response S is symmetric, rows E of a function of responses are rows E S of forces.
+    """
+    field, reduced = network.network, network.network.network
+    assert isinstance(reduced, ReducedNetwork)
+    if "response" not in field.channels or field.linear is None:
+        return reduced.encoder
+    rows = on_grid(reduced.encoder, reduced.points, field.movable[None])
+    responses = at_points(field.linear(rows)[0], reduced.points)
+    return responses * (field.force_scale / field.displacement_rms)
 
 
 def of_nodal_forces(network: NodalNetwork, of_grid: Tensor) -> NDArray[np.float32]:

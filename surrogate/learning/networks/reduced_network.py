@@ -107,10 +107,16 @@ class DenseNetwork(nn.Module):
     outputs : int
     variational : VariationalLayers, optional
         Choice of the layers with random weights; without it all weights are deterministic.
+    parameters : int
+        Number of further inputs.
     """
 
     def __init__(
-        self, config: ReducedConfig, outputs: int, variational: VariationalLayers | None = None
+        self,
+        config: ReducedConfig,
+        outputs: int,
+        variational: VariationalLayers | None = None,
+        parameters: int = 0,
     ) -> None:
         super().__init__()
 
@@ -124,7 +130,7 @@ class DenseNetwork(nn.Module):
             is_random = variational is not None and variational.covers(number)
             return FlipoutDense(dense, variational) if variational and is_random else dense
 
-        self.first = layer(0, config.inputs, config.width)
+        self.first = layer(0, config.inputs + parameters, config.width)
         self.hidden = nn.ModuleList(
             layer(number, config.width, config.width) for number in range(1, config.depth)
         )
@@ -154,6 +160,8 @@ class ReducedNetwork(nn.Module):
         Number of space dimensions d.
     free : Tensor of bool, (nx, ny[, nz])
         True at grid points that are nodes and not clamped.
+    shape : Tensor, (n_parameters,), optional
+        Parameters of the body's shape between −1 and 1, further inputs of the dense network.
 
     Attributes
     ----------
@@ -173,18 +181,25 @@ class ReducedNetwork(nn.Module):
 
     equilibrium: Callable[[Tensor, Tensor], Tensor] | None = None
     points: Tensor
+    shape: Tensor | None
     encoder: Tensor
     modes: Tensor
     truncation: Tensor
 
     def __init__(
-        self, dense: nn.Module, config: ReducedConfig, dimension: int, free: Tensor
+        self,
+        dense: nn.Module,
+        config: ReducedConfig,
+        dimension: int,
+        free: Tensor,
+        shape: Tensor | None = None,
     ) -> None:
         super().__init__()
         self.dense, self.config, self.members = dense, config, members_of(dense)
         points = free.flatten().nonzero().squeeze(1)
         size = dimension * len(points)
         self.register_buffer("points", points, persistent=False)
+        self.register_buffer("shape", shape, persistent=False)
         self.register_buffer("encoder", torch.zeros(config.input_modes, size))
         self.register_buffer("modes", torch.zeros(config.output_modes, size))
         self.register_buffer("truncation", torch.zeros(size))
@@ -247,9 +262,16 @@ class ReducedNetwork(nn.Module):
             self.modes = self.modes * unit
             self.series.in_units_of(unit)
 
-    def forward(self, force: Tensor) -> Tensor | Prediction:
-        """Predict scaled corrections from scaled forces, both (N, d, nx, ny[, nz])."""
-        outputs = self.coefficients(force)
+    def forward(self, inputs: Tensor) -> Tensor | Prediction:
+        """Predict scaled corrections from scaled forces, both (N, d, nx, ny[, nz]).
+
+        With a shape, from responses instead, and channels of the parameters of each sample.
+        """
+        force, shape = inputs, None
+        if self.shape is not None:
+            force, of_shape = inputs.tensor_split([inputs.shape[1] - len(self.shape)], dim=1)
+            shape = of_shape.flatten(2)[..., 0]
+        outputs = self.corrected(self.encoded(force), shape)
         count = len(self.modes)
         coefficients = outputs[:, :count]
         if self.equilibrium is not None:
@@ -267,10 +289,15 @@ class ReducedNetwork(nn.Module):
         """Coefficients c by the dense network, then ρ if it has any: (N, d, …) → (K·N, outputs)."""
         return self.corrected(self.encoded(force))
 
-    def corrected(self, a: Tensor) -> Tensor:
-        """The same from coefficients a: (N, input_modes) → (K·N, outputs)."""
+    def corrected(self, a: Tensor, shape: Tensor | None = None) -> Tensor:
+        """The same from coefficients a: (N, input_modes) → (K·N, outputs).
+
+        Every sample has its shape, (N, n_parameters), or all that of the body.
+        """
         terms = [] if self.series is None else self.series(a)
         inputs = [a] if self.series is None else [a, *self.series.scaled(terms)]
+        if self.shape is not None:
+            inputs.append(self.shape.expand(len(a), -1) if shape is None else shape)
         outputs: Tensor = self.dense(torch.cat(inputs, dim=1)).to(a.dtype)
         for term in terms:
             of_all = term if self.members == 1 else term.repeat(self.members, 1)

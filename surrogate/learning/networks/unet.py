@@ -18,7 +18,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from shared_schema.common.configuration import Frozen
-from surrogate.learning.networks.field_network import Input, channels_of
+from surrogate.learning.networks.field_network import Channels, Input, channels_of
 from surrogate.learning.networks.layers import (
     ACTIVATIONS,
     OVER_CHANNELS,
@@ -250,6 +250,8 @@ class UNet(nn.Module):
         Number of the network in an ensemble, from 0.
     last_axis : int, optional
         Number of points of the grid along its last axis; needed with `batch_norm: last_axis`.
+    parameters : int
+        Number of further input channels, which hold the parameters of a shape.
     """
 
     def __init__(
@@ -260,10 +262,12 @@ class UNet(nn.Module):
         variational: VariationalConvolutions | None = None,
         member: int = 0,
         last_axis: int | None = None,
+        parameters: int = 0,
     ) -> None:
         super().__init__()
         self.dimension, self.config = dimension, config
-        self.inputs = channels_of(config.inputs, dimension)
+        of_shape: tuple[Channels, ...] = ("shape",) if parameters else ()
+        self.inputs = channels_of((*config.inputs, *of_shape), dimension, parameters)
         transforms = config.force_transforms
         self.transform = TRANSFORMS[transforms[member % len(transforms)]]
         channels = config.level_channels()
@@ -280,7 +284,9 @@ class UNet(nn.Module):
 
         self.encoder = nn.ModuleList(
             double(level, inputs)
-            for level, inputs in enumerate([config.input_channels(dimension), *channels[:-1]])
+            for level, inputs in enumerate(
+                [config.input_channels(dimension) + parameters, *channels[:-1]]
+            )
         )
         self.decoder = nn.ModuleList(
             double(level, channels[level + 1] + channels[level])

@@ -11,6 +11,7 @@ For T passes with means :math:`μ_t` and standard deviations :math:`σ_t`,
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Self
 
@@ -39,6 +40,12 @@ class Distribution:
     mean: Array
     std_epistemic: Array
     std_aleatoric: Array
+
+    @classmethod
+    def joined(cls, parts: Sequence[Distribution]) -> Distribution:
+        """Distributions of several loads, (N, n_nodes, d) each, one after the other."""
+        names = "mean", "std_epistemic", "std_aleatoric"
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
     @property
     def std(self) -> Array:

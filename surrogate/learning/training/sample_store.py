@@ -180,9 +180,11 @@ def prepared_store(
 
 def _prepared(samples: Samples, network: FieldNetwork) -> Samples:
     """Prepare samples; with progress, if each takes time for a load series."""
-    if network.last_gradient is None or len(samples) == 0:
+    at_once = network.last_gradient is None and samples.parameters is None
+    if at_once or len(samples) == 0:
         return network.prepared(samples)
-    progress = Progress(len(samples), 0, "loads", "surrogate train: load series")
+    title = "load series" if samples.parameters is None else "shapes"
+    progress = Progress(len(samples), 0, "loads", f"surrogate train: {title}")
     found = network.prepared(samples, progress.update)
     progress.close("done")
     return found

@@ -141,6 +141,9 @@ def require_a_sample_each(config: Model, processes: int) -> None:
 
 def split_for(config: Model, dataset: Dataset) -> Split:
     """Split the training samples; InputError unless the configuration can learn from them."""
+    if dataset.geometry.shapes is not None:
+        config.require_shapes(dataset)
+        require_samples_as_they_are(config)
     split = split_training(dataset.training, config)
     config.require_suitable(dataset, split.train)
     if len(split.train) < FEW:
@@ -150,6 +153,23 @@ def split_for(config: Model, dataset: Dataset) -> Split:
             FEW,
         )
     return split
+
+
+def require_samples_as_they_are(config: Model) -> None:
+    """Raise InputError if a training changes samples, or leaves them on disk."""
+    if not isinstance(config, TrainedModel):
+        return
+    training = config.training
+    for key, given in (
+        ("mirrors", list(training.mirrors)),
+        ("load_paths", training.load_paths),
+        ("samples_on", "disk" if training.samples_on == "disk" else ""),
+    ):
+        if given:
+            raise InputError(
+                f"config '{config.name}': key 'training.{key}' = {given}: expected none for "
+                "samples of many shapes"
+            )
 
 
 def warn_of_size(dataset: Dataset) -> None:

@@ -217,6 +217,13 @@ class Geometry:
         return replace(self, coordinates=self.shapes.coordinates(values), parameters=values)
 
     @property
+    def shape(self) -> Tensor | None:
+        """Parameters of the shape between −1 and 1 in their ranges, as inputs of networks, (n,)."""
+        if self.shapes is None or self.parameters is None:
+            return None
+        return torch.from_numpy(self.shapes.scaled(self.parameters)).float()
+
+    @property
     def dimension(self) -> int:
         """Number of space dimensions d."""
         return int(self.coordinates.shape[1])

@@ -18,6 +18,8 @@ fields.
 
 from __future__ import annotations
 
+import hashlib
+
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -30,6 +32,7 @@ from shared_schema.materials import Materials
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.equilibrium.block_solve import BlockSolve
 from surrogate.mechanics.equilibrium.compliance import Compliance
+from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from surrogate.mechanics.matrices.sparse_products import WeightedSums, matrix_of
 from surrogate.mechanics.solids.elements import gradients_at
 
@@ -79,6 +82,7 @@ class LinearResponse(nn.Module):
         operators = []
         if gradient:
             operators = nodal_gradient(geometry.coordinates, geometry.cells, geometry.cell_type)
+        self._body, self._in_shapes = (geometry, material, on_points), dict[bytes, Tensor]()
         self.derivatives = nn.ModuleList(WeightedSums(o) for o in operators)
         self.register_buffer("gradient_rms", torch.ones(()))
 
@@ -127,6 +131,25 @@ class LinearResponse(nn.Module):
         """Respond at the nodes, in m: (N, d, nx, ny[, nz]) → (N, d, n_nodes)."""
         response: Tensor = self.compliance(self.to_nodes(force.flatten(2)).mT)
         return response.mT
+
+    @torch.no_grad()
+    def in_shapes(self, force: Tensor, parameters: NDArray[np.float64]) -> Tensor:
+        """Respond at the nodes, every sample in the shape of its parameters, (N, n_parameters).
+
+        As `at_nodes`. Responses are kept, each of which has a factor of its own.
+        """
+        geometry, material, on_points = self._body
+        nodal = self.to_nodes(force.flatten(2)).mT.cpu().double().numpy()
+        found = []
+        for f, values in zip(nodal, parameters, strict=True):
+            key = hashlib.sha256(f.tobytes() + values.tobytes()).digest()
+            if key not in self._in_shapes:
+                at_points = on_points and geometry.has_points_between
+                body = Equilibrium(geometry.shaped(values), material, at_points)
+                u = body.linear_response(f[None])[0, : len(f)]
+                self._in_shapes[key] = torch.from_numpy(u).to(force).mT
+            found.append(self._in_shapes[key])
+        return torch.stack(found)
 
     def on_grid(self, nodal: Tensor) -> tuple[Tensor, Tensor]:
         """Return what `forward` does, of a response at the nodes: (N, d, n_nodes)."""
