@@ -289,7 +289,8 @@ class _Named(argparse.Action):
         except ValueError:
             number = math.nan
         if not name or name in found or not math.isfinite(number):
-            parser.error(f"argument {option}: '{text}': expected NAME=VALUE, each name once")
+            said = f"'{text}': expected NAME=VALUE, each name once"
+            raise argparse.ArgumentError(self, said)
         setattr(options, self.dest, {**found, name: number})
 
 

@@ -265,7 +265,7 @@ def evaluate(
     if certify and has_estimate(surrogate, data.nodal_test.load):
         fast = fast_bounds(surrogate, data, passes, seed)
     shapes = data.nodal_test.parameters
-    predicted = surrogate.averaged_passes(force, passes, seed, shapes)
+    predicted = surrogate.passes_in_shapes(force, shapes, passes, seed)
     if surrogate.is_probabilistic:
         calibration = measure_calibration(predicted.mean, predicted.std, reference, free)
     if loads is not None:

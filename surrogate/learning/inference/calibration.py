@@ -131,7 +131,7 @@ class HeldOut:
     ) -> HeldOut:
         """Predict some samples of the training split, by their rows in it."""
         samples = dataset.nodal_train(rows)
-        predicted = surrogate.averaged_passes(samples.force, passes, seed, samples.parameters)
+        predicted = surrogate.passes_in_shapes(samples.force, samples.parameters, passes, seed)
         return cls(samples.load, samples.displacement, predicted)
 
     @classmethod

@@ -264,27 +264,23 @@ class Surrogate(Remade):
         return self.averaged_passes(forces, passes, seed)
 
     def averaged_passes(
-        self,
-        forces: ArrayLike | Tensor,
-        passes: int = PASSES,
-        seed: int = 0,
-        shapes: Array | None = None,
+        self, forces: ArrayLike | Tensor, passes: int = PASSES, seed: int = 0
     ) -> Distribution:
-        """Do what `predict_distribution` does, of any network: σ is 0 if it predicts none.
-
-        With parameters of `shapes`, (N, n_parameters), every load acts on a shape of its own.
-        """
+        """Do what `predict_distribution` does, of any network: σ is 0 if it predicts none."""
         require_passes(passes, seed)
-        if shapes is not None and self.geometry.shapes is not None:
-            several, names = checked_loads(self.geometry, forces), self.geometry.shapes.names
-            each = [
-                self.of_shape(dict(zip(names, values, strict=True))).averaged_passes(
-                    several[row : row + 1], passes, seed
-                )
-                for row, values in enumerate(shapes.tolist())
-            ]
-            return Distribution.joined(each)
         return self.predictor.distribution(checked_loads(self.geometry, forces), passes, seed)
+
+    def passes_in_shapes(
+        self, forces: Array, shapes: Array | None, passes: int = PASSES, seed: int = 0
+    ) -> Distribution:
+        """Do the same, each load on a shape of its own, by its parameters: (N, n_parameters)."""
+        if shapes is None or self.geometry.shapes is None:
+            return self.averaged_passes(forces, passes, seed)
+        parts, names = [], self.geometry.shapes.names
+        for row, values in enumerate(shapes.tolist()):
+            shape = self.of_shape(dict(zip(names, values, strict=True)))
+            parts.append(shape.averaged_passes(forces[row : row + 1], passes, seed))
+        return Distribution.joined(parts)
 
     @checked_arguments
     def solve(

@@ -99,7 +99,6 @@ def extrapolate(surrogate: Surrogate, nodal: Path, passes: int, seed: int) -> Ex
         BodyRecord(dataset.manifest.case, {"coordinates": dataset.coordinates}),
         f"--loads '{nodal}': another body than the run's",
     )
-    predicted = surrogate.averaged_passes(
-        dataset.samples.force, passes, seed, dataset.samples.parameters
-    )
+    samples = dataset.samples
+    predicted = surrogate.passes_in_shapes(samples.force, samples.parameters, passes, seed)
     return Extrapolation(dataset.manifest.name, surrogate, dataset.samples, predicted)

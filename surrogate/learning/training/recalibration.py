@@ -148,7 +148,7 @@ def recalibrate(surrogate: Surrogate, held_out: NodalSamples, level: float | Non
     """
     geometry, network = surrogate.geometry, surrogate.network
     force, reference = held_out.force, held_out.displacement
-    predicted = surrogate.averaged_passes(force, PASSES, shapes=held_out.parameters)
+    predicted = surrogate.passes_in_shapes(force, held_out.parameters, PASSES)
     free = geometry.free
     a, b = fit_factors(predicted, reference, free, level)
     network.aleatoric_factor.fill_(a)
