@@ -1,7 +1,8 @@
 """Regions select nodes by coordinates, named groups or numbers, or as those of the surface.
 
 Examples are ``{x: "> 0", y: 1}``, ``{z: "> 0 and < 0.1"}``, ``{sphere: [0, 0, 1, 0.2]}``,
-``{group: name}``, ``{nodes: clamped.txt, nodes_from: 1}`` and ``{boundary: true, x: "> 0"}``.
+``{patch: [0, 0, 1, 0.2]}``, ``{group: name}``, ``{nodes: clamped.txt, nodes_from: 1}`` and
+``{boundary: true, x: "> 0"}``.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import math
 import operator
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, Literal
@@ -31,6 +32,7 @@ COMPARISONS = {
 CONDITION = re.compile(r"^\s*(>=|<=|>|<)\s*(\S+)\s*$")
 NodeNumbers = tuple[Annotated[int, Field(ge=0, lt=2**62)], ...]
 LARGEST_FILE = 50_000_000  # bytes
+ANGLE = 45.0  # of a patch, in degrees
 RELATIVE_TOLERANCE = 1e-6  # of the longest side of the mesh's bounding box
 
 
@@ -54,6 +56,13 @@ class Region(Frozen):
         nodes out.
     sphere : tuple of float, optional
         Centre and radius in m, d + 1 numbers: only nodes inside, or on, this sphere or disc.
+    plane : tuple of float, optional
+        A point in m and a normal, 2 d numbers: only nodes on this plane or line, or behind it.
+    patch : tuple of float, optional
+        A position and a radius in m, d + 1 numbers: only nodes of the surface around the node of it
+        that is nearest to the position, within this radius of the node. A last number is the
+        largest angle in degrees, 45 by default, between the facets of the patch and the one there;
+        the patch ends where the surface turns by more.
     x, y, z : float, str or None
         Condition on a coordinate in m: a number (equality), a comparison such as ``"> 0"`` or
         ``"<= 2"``, several such as ``"> 0 and <= 2"``, or none.
@@ -64,6 +73,8 @@ class Region(Frozen):
     nodes_from: Literal[0, 1] | None = Field(None, exclude_if=absent)
     boundary: bool = Field(False, exclude_if=lambda boundary: not boundary)
     sphere: tuple[float, ...] | None = Field(None, min_length=3, max_length=4, exclude_if=absent)
+    plane: tuple[float, ...] | None = Field(None, min_length=4, max_length=6, exclude_if=absent)
+    patch: tuple[float, ...] | None = Field(None, min_length=3, max_length=5, exclude_if=absent)
     x: float | str | None = None
     y: float | str | None = None
     z: float | str | None = None
@@ -99,6 +110,13 @@ class Region(Frozen):
     def _has_radius(cls, value: tuple[float, ...] | None) -> tuple[float, ...] | None:
         if value is not None and not (np.isfinite(value).all() and value[-1] > 0):
             raise ValueError("expected the coordinates of a centre and a positive radius, in m")
+        return value
+
+    @field_validator("plane", "patch")
+    @classmethod
+    def _is_finite(cls, value: tuple[float, ...] | None) -> tuple[float, ...] | None:
+        if value is not None and not np.isfinite(value).all():
+            raise ValueError("expected finite numbers")
         return value
 
     def select(
@@ -175,6 +193,10 @@ class Region(Frozen):
                     f"{coordinates.shape[1]} dimensions, and a radius"
                 )
             inside &= np.linalg.norm(coordinates - centre, axis=1) <= radius + tolerance
+        if self.plane is not None:
+            inside &= behind(coordinates, self.plane, tolerance)
+        if self.patch is not None:
+            inside &= patch_around(coordinates, facets, self.patch, tolerance)
         for axis, name in enumerate(AXES[: coordinates.shape[1]]):
             condition = getattr(self, name)
             if condition is None:
@@ -210,6 +232,65 @@ def members_of(
     """
     beside = on_surface[: len(members)][origins].all(axis=1)
     return np.asarray(members[origins].all(axis=1) & (on_surface | ~beside))
+
+
+def behind(
+    coordinates: NDArray[np.float64], plane: Sequence[float], tolerance: float
+) -> NDArray[np.bool_]:
+    """Nodes on a plane or line, a point and a normal, or behind it: (n_nodes,)."""
+    d = coordinates.shape[1]
+    normal = np.array(plane[d:])
+    if len(plane) != 2 * d or not normal.any():
+        raise ValueError(
+            f"plane: {len(plane)} numbers, expected {2 * d}, those of a point and a normal"
+        )
+    return np.asarray((coordinates - plane[:d]) @ normal <= tolerance * np.linalg.norm(normal))
+
+
+def patch_around(
+    coordinates: NDArray[np.float64],
+    facets: NDArray[np.int64] | None,
+    patch: Sequence[float],
+    tolerance: float,
+) -> NDArray[np.bool_]:
+    """Nodes of the part of the surface around a position: (n_nodes,).
+
+    Parameters
+    ----------
+    coordinates : array, (n_nodes, d)
+    facets : array of int, (n_facets, n_corners)
+    patch : sequence of d + 1 or d + 2 floats
+        Position and radius in m, angle in degrees.
+    tolerance : float
+        In m.
+    """
+    d, on_surface = coordinates.shape[1], _on_surface(facets, len(coordinates))
+    assert facets is not None
+    *numbers, angle = patch if len(patch) == d + 2 else (*patch, ANGLE)
+    if len(numbers) != d + 1 or not numbers[d] > 0 or not 0 < angle <= 90:
+        raise ValueError(
+            f"patch: {len(patch)} numbers, expected those of a position in {d} dimensions, a "
+            "positive radius and, if given, an angle of 90 degrees at most"
+        )
+    at, nodes = np.array(numbers[:d]), np.flatnonzero(on_surface)
+    middle = nodes[np.linalg.norm(coordinates[nodes] - at, axis=1).argmin()]
+    corners = coordinates[facets]
+    sides = corners[:, 1:] - corners[:, :1]
+    normals = np.cross(sides[:, 0], sides[:, 1]) if d == 3 else sides[:, 0] @ [[0, -1], [1, 0]]
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    of_middle = np.flatnonzero((facets == middle).any(axis=1))
+    centres = corners[of_middle].mean(axis=1)
+    first = of_middle[np.linalg.norm(centres - at, axis=1).argmin()]
+    near = np.linalg.norm(coordinates - coordinates[middle], axis=1) <= numbers[d] + tolerance
+    alike = abs(normals @ normals[first]) >= np.cos(np.radians(angle)) - RELATIVE_TOLERANCE
+    members = np.zeros(len(coordinates), dtype=bool)
+    members[middle] = True
+    rows = facets[alike & near[facets].any(axis=1)]
+    while True:  # facets that share a node that is near with those found
+        touched = (members & near)[rows].any(axis=1)
+        if (members[rows[touched]]).all():
+            return members & near
+        members[rows[touched]] = True
 
 
 def _on_surface(facets: NDArray[np.int64] | None, nodes: int) -> NDArray[np.bool_]:

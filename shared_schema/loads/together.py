@@ -338,7 +338,8 @@ def nodes_of(key: str, region: Region, mesh: RawMesh, of_sides: bool) -> NDArray
     A group may be one of sides only, where it is a support or a load on the surface.
     """
     try:
-        needed = region.boundary or (region.nodes is not None and mesh.origins is not None)
+        needed = region.boundary or region.patch is not None
+        needed |= region.nodes is not None and mesh.origins is not None
         facets = boundary_facets(mesh.cells, mesh.cell_type) if needed else None
         groups, origins = _groups(mesh, of_sides), mesh.origins
         nodes = region.select(

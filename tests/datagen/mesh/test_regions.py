@@ -35,6 +35,42 @@ def test_selection(region: dict[str, Any], count: int) -> None:
     assert Region(**region).select(GRID).sum() == count
 
 
+@pytest.mark.parametrize(
+    ("region", "count"),
+    [
+        ({"plane": [1, 0, 0, 2, 0, 0]}, 2 * 4 * 3),  # x = 0 and 1 of 4 × 4 × 3 nodes
+        ({"plane": [0, 0, 0, 1, 1, 0]}, 3),
+        ({"patch": [1, 1, 9, 9]}, 16),  # one side
+        ({"patch": [1, 1, 9, 9, 90]}, 48 - 4),  # all of the surface
+        ({"patch": [1, 1, 2, 1]}, 5),  # a cross
+        ({"patch": [1, 1, 2, 1.5]}, 9),
+        ({"patch": [0, 1, 2.2, 1]}, 4),  # up to the edge
+        ({"patch": [1, 1, 2, 0.5]}, 1),
+    ],
+)
+def test_planes_and_patches(region: dict[str, Any], count: int) -> None:
+    axes = np.meshgrid(*[np.arange(4.0)] * 2, np.arange(3.0), indexing="ij")
+    x = np.stack(axes, axis=-1).reshape(-1, 3)
+    n = np.arange(len(x)).reshape(4, 4, 3)
+    low = [n[:-1, :-1], n[1:, :-1], n[1:, 1:], n[:-1, 1:]]
+    corners = [each[:, :, :-1] for each in low] + [each[:, :, 1:] for each in low]
+    cells = np.stack(corners, axis=-1).reshape(-1, 8)
+    facets = boundary_facets(cells, "hexahedron")
+    assert Region(**region).select(x, facets=facets).sum() == count
+
+
+def test_a_patch_of_a_plane_body() -> None:
+    """The side y = 0 of 2 × 1 m; beyond the corner, edges turn by 90°."""
+    facets = boundary_facets(np.array([[0, 2, 3, 1], [2, 4, 5, 3]]), "quad")
+    assert Region(patch=(1, -3, 5)).select(GRID, facets=facets).tolist() == [True, False] * 3
+    assert Region(patch=(1, -3, 1.1, 90)).select(GRID, facets=facets).sum() == 3
+    assert Region(patch=(1, -3, 1.5, 90)).select(GRID, facets=facets).sum() == 6
+    with pytest.raises(ValueError, match="patch: 5 numbers, expected those of a position in 2"):
+        Region(patch=(0, 0, 0, 1, 10)).select(GRID, facets=facets)
+    with pytest.raises(ValueError, match="plane: 6 numbers, expected 4"):
+        Region(plane=(0, 0, 0, 1, 1, 1)).select(GRID)
+
+
 def test_rounding_does_not_move_a_node_over_the_border() -> None:
     """Comparisons have a tolerance of 1e-6 of the size of the mesh."""
     noisy = GRID + 1e-9
