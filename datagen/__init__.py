@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from datagen.contrib.plaid.exporting import export_plaid
     from datagen.farm.body_dataset import body
     from datagen.farm.farm import run
+    from datagen.mesh.repair import repair
     from datagen.output.dataset_figure import plot_dataset as plot
     from datagen.output.dataset_info import info
     from datagen.output.paraview_series import export
@@ -48,6 +49,7 @@ __all__ = [
     "info",
     "plot",
     "read_case",
+    "repair",
     "run",
     "shipped_cases",
     "solve",

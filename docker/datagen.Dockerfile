@@ -30,7 +30,7 @@ ARG PIP_CONSTRAINT=/opt/constraints.txt
 RUN /usr/bin/python3 -m venv --system-site-packages /opt/venv \
     && pip install --no-cache-dir --constraint /opt/constraints.txt pydantic shtab tqdm \
     && pip install --no-cache-dir --no-deps --constraint /opt/constraints.txt \
-        lazy-loader scikit-image simpleitk
+        lazy-loader pytetwild scikit-image simpleitk
 
 COPY shared_schema /opt/source/shared_schema
 COPY datagen /opt/source/datagen

@@ -1,4 +1,4 @@
-"""Commands that make datasets: ``datagen body``, ``run``, ``structure`` and ``noise``."""
+"""Commands that make datasets: ``body``, ``run``, ``structure``, ``noise``; and ``repair``."""
 
 from __future__ import annotations
 
@@ -51,6 +51,35 @@ def _body(options: argparse.Namespace) -> None:
     given = {name: getattr(options, name) for name in ("volumetric", "changes", "trust")}
     manifest = datagen.body(options.case, options.out, **given)
     print(f"{options.out}: body of {manifest.name}, without samples")
+
+
+def add_repair(commands: Commands) -> None:
+    """Add ``datagen repair``."""
+    parser = add_command(
+        commands,
+        "repair",
+        "make one closed surface of triangles that are open, cut each other or lie badly",
+        "datagen repair scan.stl --out organ.stl --size 4",
+    )
+    parser.add_argument("surface", type=Path, metavar="SURFACE", help="STL, OBJ or PLY")
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="FILE.(stl|obj|ply)", help="surface to write"
+    )
+    parser.add_argument(
+        "--size",
+        type=float,
+        metavar="H",
+        help="length of the new edges, in the unit of the file (default: 1/20 of the diagonal)",
+    )
+    parser.set_defaults(command=_repair)
+
+
+def _repair(options: argparse.Namespace) -> None:
+    """Repair the surface, and say how many triangles it has."""
+    import datagen
+
+    count = datagen.repair(options.surface, options.out, size=options.size)
+    print(f"{options.out}: closed surface of {count} triangles")
 
 
 def add_run(commands: Commands) -> None:

@@ -38,9 +38,9 @@ from datagen.mesh.files.gmsh_file import (
 from datagen.mesh.files.image_file import is_image, mesh_of_image
 from datagen.mesh.files.meshio_file import mesh_by_meshio
 from datagen.mesh.files.script_shapes import OF_SHAPES, positions_of_shapes
-from datagen.mesh.files.surface_file import SUFFIXES, filled, is_surface
+from datagen.mesh.files.surface_file import SUFFIXES, is_surface, mesh_inside
 from datagen.mesh.overlap import overlap_problem
-from datagen.mesh.raw_mesh import raw_mesh, read_raw_mesh, write_raw_mesh
+from datagen.mesh.raw_mesh import read_raw_mesh, write_raw_mesh
 from datagen.mesh.refinement import refined
 from datagen.mesh.zones import OF_ZONES, with_zones
 from shared_schema.common.bodies.equilibrium import mean_edge
@@ -51,7 +51,6 @@ from shared_schema.common.errors import InputError, first_line
 from shared_schema.common.files import sha256
 from shared_schema.common.units import Size
 from shared_schema.loads.family import ascending
-from shared_schema.tools.closed_surface import read_triangles
 
 Parameter = Annotated[float, Field(ge=-1e12, le=1e12)]
 Range = Annotated[tuple[Parameter, Parameter], AfterValidator(ascending)]
@@ -304,8 +303,7 @@ def _shapes(
 def _read(path: Path, wanted: MeshFile, parameters: Mapping[str, float]) -> RawMesh:
     """Read a file by what reads files of its name."""
     if is_surface(path):
-        at, cells = filled(*read_triangles(path), wanted.size)
-        return raw_mesh(at, [("tetra", cells)])
+        return mesh_inside(path, wanted.size)
     if wanted.size is not None:
         if is_image(path):
             return mesh_of_image(path, wanted.size, wanted.labels, wanted.smoothing)

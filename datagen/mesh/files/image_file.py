@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from datagen.mesh.files.surface_file import filled
-from datagen.mesh.raw_mesh import raw_mesh
+from datagen.mesh.zones import with_cell_groups
 from datagen.needed import IMAGES
 from shared_schema.common.bodies.groups import RawMesh
 from shared_schema.common.errors import WorkError, first_line
@@ -78,15 +78,16 @@ def mesh_of_image(path: Path, size: float, labels: Mapping[str, int], smoothing:
     corners, triangles, _, _ = marching_cubes(body, 0.5, allow_degenerate=False)
     shift = first - margin
     points = origin + (corners.astype(np.float64) + shift) @ axes.T
-    at, cells = filled(points, triangles.astype(np.int64), size)
-    centres = np.linalg.solve(axes, (at[cells].mean(axis=1) - origin).T) - shift[:, None]
+    mesh = filled(points, triangles.astype(np.int64), size)
+    centres = mesh.coordinates[mesh.cells].mean(axis=1)
+    centres = np.linalg.solve(axes, (centres - origin).T) - shift[:, None]
     values = [map_coordinates(field, centres, order=1) for field in fields]
     nearest = np.argmax(values, axis=0)
     groups = {name: np.flatnonzero(nearest == number) for number, name in enumerate(wanted)}
     for name, members in groups.items():
         if not members.size:
             raise ValueError(f"label '{name}': no cell has its centre in it, expected smaller ones")
-    return raw_mesh(at, [("tetra", cells)], cell_sets={name: [m] for name, m in groups.items()})
+    return with_cell_groups(mesh, groups)
 
 
 def _read(path: Path) -> tuple[NDArray[Any], Array, Array]:

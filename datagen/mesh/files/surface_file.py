@@ -24,7 +24,10 @@ from numpy.typing import NDArray
 
 from datagen.mesh.gmsh_model import generate, gmsh_session
 from datagen.mesh.overlap import near_pairs
+from datagen.mesh.raw_mesh import raw_mesh
 from shared_schema.common.bodies.cells import boundary_facets, parts_of
+from shared_schema.common.bodies.groups import RawMesh
+from shared_schema.tools.closed_surface import read_triangles
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -33,6 +36,7 @@ TOUCHING = 1e-9  # part of a length by which what only touches may cut
 RAY = np.array([0.4823, 0.6271, 0.6114])  # a direction that no edge has by design
 SUFFIXES = (".stl", ".obj", ".ply")
 TRIANGLE, TETRAHEDRON = 2, 4  # gmsh's numbers of the types
+REPAIR = "`datagen repair` makes one closed surface of it"
 EXACT = 1e-6  # relative difference of the volumes inside of the triangles and of the cells
 
 
@@ -112,7 +116,7 @@ def _require_closed(points: Array, triangles: Ints) -> None:
         at = _at(points[lines[wrong[0]]].mean(axis=0))
         raise ValueError(
             f"the surface is not closed: {wrong.size} of its {len(lines)} edges have another "
-            f"number of triangles than two, the first at {at}"
+            f"number of triangles than two, the first at {at}; {REPAIR}"
         )
 
 
@@ -140,7 +144,7 @@ def _require_uncut(points: Array, triangles: Ints) -> None:
             if cut.size:
                 raise ValueError(
                     f"the surface cuts itself at {_at(x[cut[0]])}, expected bodies that are apart; "
-                    "those that overlap can be united where the surface was made"
+                    f"{REPAIR}"
                 )
 
 
@@ -180,7 +184,18 @@ def is_surface(path: Path | str) -> bool:
     return Path(path).suffix.lower() in SUFFIXES
 
 
-def filled(points: Array, triangles: Ints, size: float | None) -> tuple[Array, Ints]:
+def mesh_inside(path: Path, size: float | None) -> RawMesh:
+    """Fill a surface with tetrahedra, as `filled` does; errors name what may help."""
+    points, triangles = read_triangles(path)
+    bodies_of(points, triangles)
+    try:
+        return filled(points, triangles, size)
+    except ValueError as error:
+        anew = "" if size is not None else "'size' lays other triangles on the surface, "
+        raise ValueError(f"{error}; {anew}{REPAIR}") from None
+
+
+def filled(points: Array, triangles: Ints, size: float | None) -> RawMesh:
     """Fill a surface with tetrahedra.
 
     Parameters
@@ -190,16 +205,11 @@ def filled(points: Array, triangles: Ints, size: float | None) -> tuple[Array, I
     size : float, optional
         Largest edge of a cell in the unit of the points, roughly; the triangles stay without it.
 
-    Returns
-    -------
-    at : array, (n_nodes, 3)
-    cells : array of int, (n_cells, 4)
-
     Raises
     ------
     ValueError
-        If the surface is not closed or cuts itself (`bodies_of`), or gmsh fails or fills something
-        else.
+        If the surface is not closed or cuts itself (`bodies_of`), gmsh fails or fills something
+        else, or the mesh is unfit.
     """
     positions, blocks, start = [], [], 0
     with gmsh_session() as gmsh:
@@ -208,9 +218,9 @@ def filled(points: Array, triangles: Ints, size: float | None) -> tuple[Array, I
         for body in bodies_of(points, triangles):
             at, cells = _filled(gmsh, points, triangles, body, size is not None)
             positions.append(at)
-            blocks.append(start + cells)
+            blocks.append(("tetra", start + cells))
             start += len(at)
-    return np.concatenate(positions), np.concatenate(blocks)
+    return raw_mesh(np.concatenate(positions), blocks)
 
 
 def _filled(
