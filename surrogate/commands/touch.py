@@ -6,7 +6,7 @@ import argparse
 import webbrowser
 from pathlib import Path
 
-from shared_schema.common.command_line import Commands, add_command
+from shared_schema.common.command_line import Commands, add_command, add_set
 from surrogate.command_options import positive
 
 
@@ -19,15 +19,18 @@ def add_to(commands: Commands) -> None:
         'surrogate touch organ.stl --scale 0.001 --support "z<0.01" --young-modulus 5000',
     )
     parser.add_argument(
-        "shape", type=Path, metavar="FILE", help="closed surface, CAD file, gmsh script or mesh"
+        "shape",
+        type=Path,
+        metavar="FILE",
+        help="closed surface, segmented image, CAD file, gmsh script or mesh",
     )
     parser.add_argument(
         "--support",
         action="append",
         required=True,
         metavar="WHERE",
-        help="where the body is held, in m: 'z<0.01', 'x<0.1,y>0.2' or 'sphere:X,Y,Z:R'; "
-        "repeatable",
+        help="where the body is held, in m: 'z<0.01', 'x<0.1,y>0.2', 'sphere:X,Y,Z:R', a patch of "
+        "the surface 'patch:X,Y,Z:R', or 'plane:X,Y,Z:NX,NY,NZ'; repeatable",
     )
     parser.add_argument(
         "--young-modulus", type=positive, required=True, metavar="PA", help="in Pa, at rest"
@@ -39,6 +42,10 @@ def add_to(commands: Commands) -> None:
     parser.add_argument(
         "--size", type=positive, metavar="H", help="size of the cells, in the file's unit"
     )
+    parser.add_argument(
+        "--repair", action="store_true", help="make one closed surface of the triangles first"
+    )
+    add_set(parser, "the case", "mesh.labels={liver: 1}")
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="new folder (default: the shape's name)"
     )
@@ -59,6 +66,8 @@ def run(options: argparse.Namespace) -> None:
         poisson_ratio=options.poisson_ratio,
         scale=options.scale,
         size=options.size,
+        repair=options.repair,
+        changes=options.changes,
         out=options.out,
     )
     print(page)

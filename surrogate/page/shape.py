@@ -20,6 +20,7 @@ import numpy as np
 import yaml
 
 from shared_schema.common.arguments import checked_arguments
+from shared_schema.common.configuration import changed
 from shared_schema.common.errors import InputError
 from shared_schema.common.files import require_writable
 from surrogate.learning.training.loop import train
@@ -27,8 +28,10 @@ from surrogate.mechanics.statics.body import Body
 from surrogate.page.page import write_page
 
 CONDITION = re.compile(r"\s*([xyz])\s*(<=|>=|<|>|=)\s*([^\s<>=]+)\s*")
-SPHERE = "sphere:"
+SHAPES = ("sphere", "patch", "plane")  # of regions
+FEWEST = 4  # numbers of one of them
 MOVED = 0.1  # of the body's diagonal, under the largest force
+REPAIRED = "repaired.stl"
 FIRST = 1.0  # range in N of the loads of a body whose stiffness is not known yet
 NONE = "no program datagen on the PATH, expected it (pip install 'solid-datagen[mesh]')"
 
@@ -42,6 +45,8 @@ def page_of_shape(
     poisson_ratio: float = 0.45,
     scale: float = 1.0,
     size: float | None = None,
+    repair: bool = False,
+    changes: Sequence[str] = (),
     out: str | Path | None = None,
 ) -> Path:
     """Make a body of a file, its load series and its page.
@@ -49,18 +54,24 @@ def page_of_shape(
     Parameters
     ----------
     shape : str or Path
-        A closed surface, CAD file, gmsh script or mesh, as the key `path` of a case takes it.
+        A closed surface, segmented image, CAD file, gmsh script or mesh, as the key `path` of a
+        case takes it.
     supports : sequence of str
         Where the body is held: conditions on coordinates in m, such as "z<0.01" or
-        "x<0.1,y>0.2", or spheres such as "sphere:0,0,0.1:0.02". Nodes that one of them means are
-        held.
+        "x<0.1,y>0.2", spheres such as "sphere:0,0,0.1:0.02", patches of the surface such as
+        "patch:0,0,0.1:0.02", or what is behind a plane, "plane:X,Y,Z:NX,NY,NZ". Nodes that one of
+        them means are held.
     young_modulus : float
         In Pa, at rest.
     poisson_ratio : float
     scale : float
         Length of the file's unit in m.
     size : float, optional
-        Size of the cells in the file's unit; needed by CAD files.
+        Size of the cells in the file's unit; needed by images and CAD files.
+    repair : bool
+        Make one closed surface of the file's triangles first, as `datagen repair` does.
+    changes : sequence of str
+        Keys of the case and their values, such as ``mesh.zones={tumour: tumour.stl}``.
     out : str or Path, optional
         New folder for the case, the body, the run of its series and the page; by default one of
         the shape's name in this folder.
@@ -85,7 +96,7 @@ def page_of_shape(
     require_writable(folder)
     folder.parent.mkdir(parents=True, exist_ok=True)
     mesh: dict[str, Any] = {"kind": "file", "path": str(path.resolve()), "scale": scale}
-    case: dict[str, Any] = {
+    given: dict[str, Any] = {
         "name": re.sub(r"[^A-Za-z0-9_-]", "_", path.stem),
         "mesh": mesh if size is None else mesh | {"size": size},
         "material": {"young_modulus": young_modulus, "poisson_ratio": poisson_ratio},
@@ -93,9 +104,18 @@ def page_of_shape(
         "load": {"family": "random_node", "region": {"boundary": True}, "range": [-FIRST, FIRST]},
         "dataset": {"samples": 1, "seed": 0},
     }
+    case = changed(given, changes)
+    mesh = case["mesh"]
+    if isinstance(mesh.get("zones"), dict):
+        zones = {name: str(Path(str(file)).resolve()) for name, file in mesh["zones"].items()}
+        case["mesh"] = mesh = {**mesh, "zones": zones}
     with TemporaryDirectory(prefix=f".{folder.name}-", dir=folder.parent) as partial:
         place = Path(partial) / folder.name
         place.mkdir()
+        if repair:
+            words = () if size is None else ("--size", str(size))
+            run_datagen("repair", str(path), "--out", str(place / REPAIRED), *words)
+            mesh["path"] = REPAIRED  # beside the case
         body = make_body(case, place)
         largest = float(f"{largest_force(body):.2g}")
         shutil.rmtree(place / "body")
@@ -116,9 +136,12 @@ def region_of(text: str) -> dict[str, Any]:
     {'sphere': [0.0, 0.0, 0.1, 0.02]}
     """
     try:
-        if text.startswith(SPHERE):
-            centre, _, radius = text.removeprefix(SPHERE).rpartition(":")
-            return {"sphere": [*map(float, centre.split(",")), float(radius)]}
+        shape, colon, rest = text.partition(":")
+        if colon and shape in SHAPES:
+            numbers = [float(number) for number in rest.replace(":", ",").split(",")]
+            if len(numbers) < FEWEST:
+                raise ValueError
+            return {shape: numbers}
         found: dict[str, list[str]] = {}
         for part in text.split(","):
             match = CONDITION.fullmatch(part)
@@ -134,25 +157,29 @@ def region_of(text: str) -> dict[str, Any]:
         }
     except ValueError:
         raise InputError(
-            f"support '{text}': expected conditions such as 'z<0.01' or 'x<0.1,y>0.2', or "
-            "'sphere:X,Y,Z:R', in m",
+            f"support '{text}': expected conditions such as 'z<0.01' or 'x<0.1,y>0.2', "
+            "'sphere:X,Y,Z:R', 'patch:X,Y,Z:R' or 'plane:X,Y,Z:NX,NY,NZ', in m",
             "support",
         ) from None
 
 
 def make_body(case: Mapping[str, Any], folder: Path) -> Body:
     """Run `datagen body` on a case, and read what it makes; InputError says what it refuses."""
+    (folder / "case.yaml").write_text(yaml.safe_dump(dict(case), sort_keys=False))
+    run_datagen("body", str(folder / "case.yaml"), "--out", str(folder / "body"))
+    return Body.read(folder / "body")
+
+
+def run_datagen(*words: str) -> None:
+    """Run a command of `datagen`; InputError says what it refuses."""
     beside = shutil.which("datagen", path=str(Path(sys.executable).parent))
     program = beside or shutil.which("datagen")
     if program is None:
         raise InputError(NONE)
-    (folder / "case.yaml").write_text(yaml.safe_dump(dict(case), sort_keys=False))
-    command = [program, "body", str(folder / "case.yaml"), "--out", str(folder / "body")]
-    made = subprocess.run(command, capture_output=True, text=True)
+    made = subprocess.run([program, *words], capture_output=True, text=True)
     if made.returncode != 0:
         said = made.stderr.strip().splitlines() or [f"exit code {made.returncode}"]
         raise InputError(said[-1].removeprefix("datagen: error: "))
-    return Body.read(folder / "body")
 
 
 def largest_force(body: Body) -> float:

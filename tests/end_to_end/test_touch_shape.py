@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import itertools
+import json
 import os
 from pathlib import Path
 
 import meshio
 import numpy as np
 import pytest
+import yaml
 
 import surrogate
 from shared_schema.common.errors import InputError
+from shared_schema.dataset_reader import DatasetReader
 from surrogate.page.shape import region_of
 from tests.end_to_end.commands import ROOT, SURROGATE, execute
 
@@ -49,6 +52,30 @@ def test_a_page_of_a_surface(block: Path) -> None:
     execute(SURROGATE, "touch", block, *HELD, *of, code=2)  # the folder exists
 
 
+@pytest.mark.slow
+def test_an_open_surface_with_a_zone(block: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A block without a triangle is closed, with a hard middle; paths are those of this folder."""
+    mesh = meshio.read(block)
+    meshio.Mesh(mesh.points, [("triangle", mesh.cells_dict["triangle"][:-1])]).write(block)
+    quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    corners = np.array(list(itertools.product((0, 1), repeat=3))) * 0.6 + 0.2
+    meshio.Mesh(corners * SIZES * 1000, [("quad", np.array(quads))]).write(
+        block.with_name("hard.ply")
+    )
+    monkeypatch.chdir(block.parent)
+    materials = [
+        {"group": name, "young_modulus": value, "poisson_ratio": 0.4}
+        for name, value in (("hard", 5e4), ("rest", 5e3))
+    ]
+    words = ("--set", "mesh.zones={hard: hard.ply}", "--set", f"material={json.dumps(materials)}")
+    of = ("--scale", "0.001", "--size", "16", "--repair", "--out", "made", *words)
+    execute(SURROGATE, "touch", block, *HELD, *of)
+    case = yaml.safe_load(Path("made/case.yaml").read_text())
+    assert case["mesh"]["path"] == "repaired.stl"
+    parts = DatasetReader(Path("made/body")).body["mesh/material"]
+    assert 0.1 < (parts == 0).mean() < 0.4  # 0.6³ of the volume
+
+
 def test_what_is_refused_leaves_nothing(block: Path) -> None:
     before = sorted(block.parent.iterdir())
     for arguments, said in (
@@ -75,6 +102,8 @@ def test_without_the_factory(block: Path, monkeypatch: pytest.MonkeyPatch) -> No
         ("z<0.01", {"z": "< 0.01"}),
         ("x>0.1, x<=0.2,y=1", {"x": "> 0.1 and <= 0.2", "y": 1.0}),
         ("sphere:0,0,0.1:0.02", {"sphere": [0.0, 0.0, 0.1, 0.02]}),
+        ("patch:0,0,0.1:0.02:30", {"patch": [0.0, 0.0, 0.1, 0.02, 30.0]}),
+        ("plane:0,0,0.1:0,1,1", {"plane": [0.0, 0.0, 0.1, 0.0, 1.0, 1.0]}),
     ],
 )
 def test_regions(text: str, region: dict[str, object]) -> None:
