@@ -32,6 +32,7 @@ PROGRAMS = {  # in whose environment a benchmark is measured
     "page": "surrogate",
     "refined-liver": "surrogate",
     "sampling": "surrogate",
+    "shapes": "surrogate",
     "tools": "surrogate",
     "trained": "surrogate",
     "training": "surrogate",

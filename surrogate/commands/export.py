@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from shared_schema.common.command_line import Commands, add_command
+from shared_schema.common.command_line import Commands, add_command, add_parameter
 from surrogate.command_options import add_out, add_passes, add_run, given_passes
 
 
@@ -31,6 +31,7 @@ def add_to(commands: Commands) -> None:
         metavar="N",
         help="directions towards the equilibrium that the file takes after the prediction",
     )
+    add_parameter(parser)
     parser.set_defaults(command=run)
 
 
@@ -44,6 +45,7 @@ def run(options: argparse.Namespace) -> None:
         options.out,
         format=options.format,
         directions=options.directions,
+        parameters=options.parameters,
         **passes,
     )
     print(f"{options.out}: exported, differs from the network by {difference:.1e} relatively")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from shared_schema.common.command_line import Commands, add_command
+from shared_schema.common.command_line import Commands, add_command, add_parameter
 from surrogate.command_options import add_run
 
 
@@ -28,6 +28,7 @@ def add_to(commands: Commands) -> None:
         help="radius in m of the part of the surface that a dragged force is spread over, 0 for a "
         "single node (default: as the loads of the case)",
     )
+    add_parameter(parser)
     parser.set_defaults(command=run)
 
 
@@ -36,4 +37,6 @@ def run(options: argparse.Namespace) -> None:
     import surrogate
 
     out = options.out or Path(f"{options.run.resolve().name}.html")
-    print(f"{out}: {surrogate.write_page(options.run, out, patch=options.patch).summary()}")
+    print(
+        f"{out}: {surrogate.write_page(options.run, out, patch=options.patch, parameters=options.parameters).summary()}"
+    )

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from shared_schema.common.command_line import Commands, add_command
+from shared_schema.common.command_line import Commands, add_command, add_parameter
 from surrogate.command_options import add_device, add_run, positive
 
 if TYPE_CHECKING:
@@ -59,6 +59,7 @@ def add_to(commands: Commands) -> None:
         metavar="S",
         help=f"that a request may take (default {SECONDS:g})",
     )
+    add_parameter(parser)
     add_device(parser)
     parser.set_defaults(command=run)
 
@@ -86,6 +87,7 @@ def run(options: argparse.Namespace) -> None:
     admission = Admission.of(options.name, options.origin)
     meshes = read_meshes(options.mesh)
     model = surrogate.load(options.run, options.device)
+    model = model.of_shape(options.parameters) if options.parameters else model
     make_first_frame(model)
     serving = serve_forever(
         model,

@@ -99,6 +99,8 @@ def require_balance(surrogate: Surrogate) -> None:
         raise InputError("elements: expected standard ones, whose volumes change at every point")
     if solid.fibres is not None:
         raise InputError("material: expected one without fibres")
+    if surrogate.geometry.shapes is not None:
+        raise InputError(f"'{run.name}': expected a body of one shape")
 
 
 def cubature_file(cubature: Cubature) -> bytes:

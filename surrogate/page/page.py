@@ -9,6 +9,7 @@ the body is all there is (`model: series`), the page has no network and computes
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -76,7 +77,12 @@ class Written:
 
 @checked_arguments
 def write_page(
-    run: str | Path, out: str | Path, *, patch: float | None = None, largest: int = LARGEST
+    run: str | Path,
+    out: str | Path,
+    *,
+    patch: float | None = None,
+    largest: int = LARGEST,
+    parameters: Mapping[str, float] | None = None,
 ) -> Written:
     """Write the page of a run: one HTML file, on which the body follows a dragged load.
 
@@ -91,6 +97,8 @@ def write_page(
         a node. By default it is that of the case's loads (`surrogate.page.page_loads`).
     largest : int
         Bytes that the page may have.
+    parameters : mapping of str to float, optional
+        Those of the body's shape, of a family of shapes.
 
     Raises
     ------
@@ -102,6 +110,7 @@ def write_page(
     require_suffix(path, (".html",))
     require_writable(path)
     bundle, surrogate = read_bundle(), load(run)
+    surrogate = surrogate.of_shape(parameters) if parameters else surrogate
     order, mechanics = series_order(surrogate), mechanics_of(surrogate)
     if mechanics.band and not fits(surrogate):
         raise InputError(

@@ -24,7 +24,8 @@ from torch import Tensor, nn
 from shared_schema.common.errors import InputError
 from surrogate.learning.inference.export import export_network, responses, save_function
 from surrogate.learning.inference.surrogate import Surrogate
-from surrogate.learning.networks.field_network import on_grid
+from surrogate.learning.networks.field_network import at_points, on_grid
+from surrogate.learning.networks.reduced_at_nodes import encoder_of_forces
 from surrogate.learning.networks.reduced_network import ReducedNetwork
 from surrogate.learning.probabilistic.gaussian_parameter import GaussianParameter
 from surrogate.mechanics.body.geometry import Geometry
@@ -86,11 +87,11 @@ class SurfaceNetwork(nn.Module):
         reduced = network.network
         assert isinstance(reduced, ReducedNetwork)
         self.reduced, self.d = reduced, units.shape[2]
-        encoded, response = [], []
+        encoded, response, encoder = [], [], encoder_of_forces(nodal)
         for start in range(0, len(units), AT_ONCE):
             force = torch.from_numpy(units[start : start + AT_ONCE])
             grid = nodal.on_grid(force.float()) / network.force_scale
-            encoded.append(reduced.encoded(grid))
+            encoded.append(at_points(grid, reduced.points) @ encoder.T)
             response.append(responses(surrogate, force)[:, nodes].flatten(1).float())
         self.register_buffer("encoder", torch.cat(encoded))
         self.response = Rows(torch.cat(response))

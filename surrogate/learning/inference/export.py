@@ -12,7 +12,7 @@ from __future__ import annotations
 import io
 import logging
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
@@ -110,6 +110,7 @@ def export(
     passes: int | None = None,
     seed: int | None = None,
     directions: int | None = None,
+    parameters: Mapping[str, float] | None = None,
 ) -> float:
     """Write the network of a run to a file, and compare the file's results with the network's.
 
@@ -133,6 +134,8 @@ def export(
         Number of directions towards the equilibrium that the file takes after the prediction. It
         then has the length of the last one in m as ``estimate``, (samples,), and no standard
         deviations.
+    parameters : mapping of str to float, optional
+        Those of the body's shape, of a family of shapes.
 
     Returns
     -------
@@ -156,7 +159,8 @@ def export(
     if seed is not None and passes is None:
         raise InputError(f"seed {seed}: expected beside passes", "seed")
     with _EXPORTS:
-        return export_network(load(run), format, path, passes, seed, directions)
+        model = load(run).of_shape(parameters) if parameters else load(run)
+        return export_network(model, format, path, passes, seed, directions)
 
 
 def export_network(

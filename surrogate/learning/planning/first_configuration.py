@@ -104,8 +104,8 @@ class FirstConfig:
 
     @property
     def has_mechanics(self) -> bool:
-        """True if the dataset names its material, so that the network can know the stiffness."""
-        return has_material(self.dataset)
+        """True if the network can know the stiffness: that of a named material, and one shape."""
+        return has_material(self.dataset) and self.dataset.geometry.shapes is None
 
     def config(self) -> Model:
         """Return the configuration itself; its numbers are valid."""
