@@ -37,6 +37,5 @@ def run(options: argparse.Namespace) -> None:
     import surrogate
 
     out = options.out or Path(f"{options.run.resolve().name}.html")
-    print(
-        f"{out}: {surrogate.write_page(options.run, out, patch=options.patch, parameters=options.parameters).summary()}"
-    )
+    given = {"patch": options.patch, "parameters": options.parameters}
+    print(f"{out}: {surrogate.write_page(options.run, out, **given).summary()}")

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 import yaml
 
 import surrogate
@@ -100,6 +101,18 @@ def test_an_unseen_shape_within_the_tolerance(folder: Path) -> None:
         u = theirs["displacement"]
         error = np.linalg.norm(ours["displacement"] - u, axis=1).max()
         assert error < 5e-3 * np.linalg.norm(u, axis=1).max()
+
+
+def test_a_file_of_one_shape(folder: Path, model: Surrogate) -> None:
+    """The exported network is that of the shape, whose stiffness it contains."""
+    out, shape = folder / "shape.pt2", {"radius": 0.2}
+    command = (SURROGATE, "export", folder / "reduced", "--format", "pt2", "--out", out)
+    execute(*command, "--parameter", "radius=0.2")
+    force = surrogate.read_dataset(folder / "row").nodal_test.force[:2]
+    program = torch.export.load(out).module()
+    found = program(torch.from_numpy(force).float())["displacement"].detach().numpy()
+    expected = model.predict(force, parameters=shape)
+    assert found == pytest.approx(expected, abs=1e-5 * np.abs(expected).max())
 
 
 def test_warnings_and_refusals(folder: Path) -> None:

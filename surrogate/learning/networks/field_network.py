@@ -311,7 +311,7 @@ class FieldNetwork(nn.Module):
         elif self.shape is None:
             return force, None
         if self.shape is not None:
-            of = self.shape.expand(len(force), -1) if shape is None else shape.to(force)
+            of = self.shape.expand(force.shape[0], -1) if shape is None else shape.to(force)
             ones = (1,) * (force.ndim - 2)
             fields["shape"] = of.reshape(*of.shape, *ones).expand(-1, -1, *force.shape[2:])
         inputs = torch.cat([fields[name] for name in self.inputs], dim=1)

@@ -297,7 +297,7 @@ class ReducedNetwork(nn.Module):
         terms = [] if self.series is None else self.series(a)
         inputs = [a] if self.series is None else [a, *self.series.scaled(terms)]
         if self.shape is not None:
-            inputs.append(self.shape.expand(len(a), -1) if shape is None else shape)
+            inputs.append(self.shape.expand(a.shape[0], -1) if shape is None else shape)
         outputs: Tensor = self.dense(torch.cat(inputs, dim=1)).to(a.dtype)
         for term in terms:
             of_all = term if self.members == 1 else term.repeat(self.members, 1)
