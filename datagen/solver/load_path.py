@@ -8,7 +8,8 @@ does: it is followed in steps of
 the volumes of chambers weighted with their pressures, with the load factor s as an unknown
 (`datagen.solver.bordered_newton`). Steps grow and are cut back as those of the load. Where s
 reaches 1, Newton's method finds the equilibrium under the full load. It may be far from those
-before the limit point: a chamber that snaps through is larger.
+before the limit point: a chamber that snaps through is larger. A path on which the load falls to
+half is given up, as one of a balloon of Neo-Hooke, whose pressure never rises again.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ from datagen.solver.settings import SolverSettings
 
 GROWTH, CUT = 1.6, 0.5  # factors of the step
 SMALLEST = 1e-3  # of the first one
-MOST = 100  # steps
+LEAST = 0.5  # of the load factor at the begin, below which the path leads nowhere
+MOST = 60  # steps
 Array = NDArray[np.float64]
 
 
@@ -80,20 +82,21 @@ def follow_path(
     first = step = path.scale = reached - work
     steps = iterations = 0
     result: NewtonResult | None = None
-    while step >= SMALLEST * first > 0.0 and steps < MOST:
+    while step >= SMALLEST * first > 0.0 and steps < MOST and factor > LEAST * load_factor:
         begin(factor, factor)
         path.given, problem.load_factor = reached + step, factor
         result = problem.solve_on_path(path)
         iterations += result.iterations
+        easy, further = result.iterations <= settings.wanted_iterations, problem.load_factor
+        if result.converged and further >= 1.0:
+            result = problem.solve(1.0, direct=True)
+            iterations += result.iterations
+            if result.converged:
+                return FollowedPath(result, True, steps + 1, iterations)
         if not result.converged:
             problem.restore(here)
             step *= CUT
             continue
-        steps, reached, factor = steps + 1, path.given, problem.load_factor
-        if factor >= 1.0:
-            last = problem.solve(1.0, direct=True)
-            return FollowedPath(last, last.converged, steps + 1, iterations + last.iterations)
-        here = problem.state()
-        if result.iterations <= settings.wanted_iterations:
-            step *= GROWTH
+        steps, reached, factor, here = steps + 1, path.given, further, problem.state()
+        step *= GROWTH if easy else 1.0
     return FollowedPath(result, False, steps, iterations)

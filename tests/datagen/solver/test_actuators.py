@@ -8,13 +8,35 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+import yaml
+from mpi4py import MPI
 
 import datagen
 from datagen.cases.body import make_body
 from datagen.cases.case import read_case
+from datagen.mesh.distributed_mesh import distributed
 from datagen.output.nodal_samples import NodalSamples
+from datagen.solver.equilibrium import EquilibriumProblem
+from datagen.solver.following_loads import found_actuation
+from datagen.solver.load_stepping import solve_load_case
+from datagen.solver.settings import SolverSettings
+from datagen.stability import with_stability
+from shared_schema.actuators import (
+    Control,
+    PlacedActuators,
+    actuators_of,
+    placed_actuators,
+    pressed,
+)
+from shared_schema.common.bodies.groups import RawMesh
 from shared_schema.common.errors import InputError, WorkError
+from shared_schema.materials import Gent, Material, NeoHookean
+from tests.datagen.farm_runs import datagen as words
+from tests.datagen.farm_runs import finish
+from tests.shared_schema.test_actuators import hollow
 
+FOLLOWS = SolverSettings(linear_solver="lu")
+NOTHING = np.empty(0, dtype=int), np.empty((0, 3))
 LENGTH, HEIGHT, OFFSET, YOUNG = 1.0, 0.05, 0.02, 1e6
 MATERIAL = {"young_modulus": YOUNG, "poisson_ratio": 0.0}
 PLACES = [[x, OFFSET] for x in np.linspace(0, LENGTH, 21).tolist()]
@@ -123,7 +145,7 @@ def test_a_chamber_is_no_cable(tmp_path: Path) -> None:
     content = chamber(tmp_path)
     content["actuators"] = {"air": {"chamber": "base", "pressure": [0, 1]}}
     with pytest.raises(InputError, match=r"case 'chamber': key 'actuators.air.chamber'.*open"):
-        make_body(read_case(content), _alone())
+        make_body(read_case(content), MPI.COMM_SELF)
     content["actuators"] = {"air": {"chamber": "cavity", "pressure": [1, 0]}}
     with pytest.raises(InputError, match=r"actuators\.air.pressure.*low < high"):
         read_case(content)
@@ -134,12 +156,6 @@ def test_a_chamber_is_no_cable(tmp_path: Path) -> None:
 def test_a_chamber_that_closes_ends_with_a_word(tmp_path: Path) -> None:
     with pytest.raises(WorkError, match="walls of the chamber 'air' pass through"):
         datagen.solve(chamber(tmp_path), actuate=["air.volume=1e-9"])
-
-
-def _alone() -> Any:
-    from mpi4py import MPI
-
-    return MPI.COMM_SELF
 
 
 def test_a_dataset_holds_what_is_given_and_found(tmp_path: Path) -> None:
@@ -174,3 +190,56 @@ def test_a_dataset_holds_what_is_given_and_found(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "grid" / made.shards[0].file) as file:
         np.testing.assert_array_equal(file["samples/amplitude"][:], found)
     assert datagen.check(tmp_path / "run") == datagen.check(tmp_path / "grid") == []
+
+
+def shell(material: Material) -> tuple[EquilibriumProblem, PlacedActuators]:
+    """A cube of 4³ cells with a cavity of 2³, which rolls on its lower side."""
+    body = hollow(4)
+    actuators = placed_actuators(actuators_of({"air": {"chamber": "hole", "volume": [8, 9]}}), body)
+    mesh = distributed(RawMesh(body.coordinates, body.cells, body.cell_type), MPI.COMM_SELF)
+    known = mesh, material, body.coordinates[:, 2] == 0, FOLLOWS, "incompressible"
+    return EquilibriumProblem(*known, following=actuators.loads), actuators
+
+
+def test_volumes_lead_beyond_the_largest_pressure() -> None:
+    """A balloon of Neo-Hooke has a largest pressure: about 0.308 E here, at 7 times its volume."""
+    problem, actuators = shell(NeoHookean(young_modulus=1.0, poisson_ratio=0.45))
+    pressures = []
+    for volume in (24.0, 56.0, 96.0):
+        filled = [Control("volume", volume, rest=actuators.rest[0])]
+        report = solve_load_case(problem, *NOTHING, FOLLOWS, filled)
+        assert report.solved
+        assert with_stability(problem, report, FOLLOWS).stable  # the volume holds it
+        pressures.append(float(found_actuation(problem, 1)[0, 0]))  # type: ignore[index]
+    assert pressures[0] < pressures[2] < pressures[1] == pytest.approx(0.308, rel=0.01)
+
+
+@pytest.mark.slow
+def test_a_pressure_beyond_a_limit_point_is_reached_in_steps_of_volume() -> None:
+    """Gent's solid stiffens: beyond its largest pressure and a smallest, the pressure rises."""
+    problem, actuators = shell(Gent(model="gent", shear_modulus=0.345, bulk_modulus=3.3, limit=24))
+    report = solve_load_case(problem, *NOTHING, FOLLOWS, pressed([0.312]))
+    assert report.solved
+    assert report.residual_norm <= problem.tolerance()
+    pressure, volume = found_actuation(problem, 1)[0]  # type: ignore[index]
+    assert pressure == 0.312
+    assert volume > 20 * actuators.rest[0]  # the largest pressure has 8 times that at rest
+
+
+@pytest.mark.mpi
+@pytest.mark.slow
+def test_same_on_two_ranks(tmp_path: Path) -> None:
+    case = chamber(tmp_path, volume=[8, 9])
+    rope = [{"fixed": [2, 2, -1]}, [0.5, 0.5, 0.5], [0.5, 0.5, 3.5], [3.5, 3.5, 3.5]]
+    case["actuators"]["rope"] = {"cable": rope, "length": [9, 9.9]}
+    (tmp_path / "case.yaml").write_text(yaml.safe_dump(case))
+    given = [*("--actuate", "air=9"), *("--actuate", "rope=9.5")]
+    found = []
+    for ranks in (0, 2):
+        out = tmp_path / f"{ranks}.npz"
+        done = finish(words("solve", tmp_path / "case.yaml", *given, "--out", out, ranks=ranks))
+        assert done.returncode == 0, done.stderr
+        assert "rope: tension" in done.stdout
+        with np.load(out) as fields:
+            found.append(fields["displacement"])
+    np.testing.assert_allclose(found[1], found[0], rtol=0, atol=1e-9)
