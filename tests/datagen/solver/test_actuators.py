@@ -243,3 +243,19 @@ def test_same_on_two_ranks(tmp_path: Path) -> None:
         with np.load(out) as fields:
             found.append(fields["displacement"])
     np.testing.assert_allclose(found[1], found[0], rtol=0, atol=1e-9)
+
+
+@pytest.mark.slow
+def test_shipped_actuators() -> None:
+    """Chambers under 20 kPa bend the actuator down, away from them; a cable bends the trunk."""
+    chambers = [f"{name}=2e4" for name in ("root", "middle", "tip")]
+    bent = datagen.solve("actuator3d", actuate=chambers)
+    assert 2000 <= len(bent.coordinates) <= 4000
+    assert bent.displacement[bent.coordinates[:, 0].argmax(), 2] < -0.015
+    for actuated in bent.actuators.values():
+        assert actuated.quantity > 2 * 24e-3 * 14e-3 * 8e-3
+    pulled = datagen.solve("trunk3d", actuate=["tip1=5"])
+    assert 2000 <= len(pulled.coordinates) <= 4000
+    tip = np.isclose(pulled.coordinates[:, 2], 0.3)
+    assert pulled.displacement[tip, 0].mean() > 0.03
+    assert abs(pulled.displacement[tip, 1].mean()) < 1e-5  # y = 0 is a plane of symmetry
