@@ -197,8 +197,8 @@ def shell(material: Material) -> tuple[EquilibriumProblem, PlacedActuators]:
     body = hollow(4)
     actuators = placed_actuators(actuators_of({"air": {"chamber": "hole", "volume": [8, 9]}}), body)
     mesh = distributed(RawMesh(body.coordinates, body.cells, body.cell_type), MPI.COMM_SELF)
-    known = mesh, material, body.coordinates[:, 2] == 0, FOLLOWS, "incompressible"
-    return EquilibriumProblem(*known, following=actuators.loads), actuators
+    known = mesh, material, body.coordinates[:, 2] == 0, FOLLOWS
+    return EquilibriumProblem(*known, "incompressible", following=actuators.loads), actuators
 
 
 def test_volumes_lead_beyond_the_largest_pressure() -> None:
