@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
-from datagen.commands.make import add_nodal
 from shared_schema.common.command_line import Commands, add_command, laid_out
 from shared_schema.common.configuration_keys import add_arguments, printed
 from shared_schema.common.errors import InputError
@@ -79,10 +79,16 @@ def add_plot(commands: Commands) -> None:
     parser = add_command(
         commands,
         "plot",
-        "draw mesh, supports and some samples of a dataset, or a body",
+        "draw mesh, groups, supports and some samples of a dataset, a body or a case",
         "datagen plot data/beam2d/nodal --out beam2d.pdf --samples 0,7",
+        "datagen plot organ.yaml --out organ.png",
     )
-    add_nodal(parser)
+    parser.add_argument(
+        "nodal",
+        type=Path,
+        metavar="NODAL_DIR|CASE",
+        help="nodal dataset, as `datagen run` makes it, body, or case",
+    )
     parser.add_argument(
         "--out", type=Path, required=True, metavar="FILE.(png|svg|pdf)", help="figure to write"
     )
@@ -93,13 +99,19 @@ def add_plot(commands: Commands) -> None:
 
 
 def _plot(options: argparse.Namespace) -> None:
-    """Draw the figure."""
-    from datagen import plot
+    """Draw the figure, of a case that of its body."""
+    from datagen import body, plot
+    from datagen.cases.case import SHIPPED
     from datagen.output.dataset_figure import SUFFIXES
 
     require_suffix(options.out, SUFFIXES)
     require_writable(options.out)
-    numbers = plot(options.nodal, options.out, samples=options.samples)
+    with TemporaryDirectory() as folder:
+        drawn, is_shipped = options.nodal, (SHIPPED / f"{options.nodal}.yaml").is_file()
+        if drawn.is_file() or (is_shipped and not drawn.exists()):
+            drawn = Path(folder) / "body"
+            body(str(options.nodal), drawn)
+        numbers = plot(drawn, options.out, samples=options.samples)
     shown = f"samples {', '.join(str(number) for number in numbers)}" if numbers else "the body"
     print(f"{options.out}: {shown}")
 

@@ -1,4 +1,4 @@
-"""Figure of a dataset: mesh, supports, loadable nodes, and some deformed samples."""
+"""Figure of a dataset: mesh, groups, supports, loadable nodes, and some deformed samples."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from datagen.output.nodal_samples import DatasetBody, NodalSamples, Sample
 from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.bodies.cables import Cable
+from shared_schema.common.bodies.groups import RawMesh
 from shared_schema.common.drawing.drawing import Drawing
 from shared_schema.common.drawing.figure_style import (
     NETWORK,
@@ -40,6 +41,8 @@ ROUNDING = 1e-12  # of the largest resultant and moment: smaller ones are roundi
 HIGHEST = 1.2  # largest height of a panel over its width; a higher body is drawn narrower
 FACE = "#fbefef"  # face colour of a deformed body
 FIBRES = "#b8860b", "#2e8b57", "#7b3294", "#c51b7d"  # of the families
+GROUPS = "tab:orange", "tab:green", "tab:purple", "tab:brown", "tab:pink", "tab:olive", "tab:cyan"
+SEEN_THROUGH = 0.4  # opacity of groups of cells, which may lie in each other
 CABLE = "#1f6f4a"
 SUPPORT, REST = "black", "0.45"
 CELLS = {
@@ -131,6 +134,14 @@ def _draw_marks(drawing: Drawing, dataset: DatasetBody) -> None:
     x = dataset.coordinates
     size = 12 if len(x) < 500 else 2
     drawing.body(x, UNDEFORMED, "white", linewidth=_line(dataset))
+    for name, color in _colours(dataset).items():
+        nodes, cells = dataset.groups[name]
+        if cells.any():
+            part = RawMesh(x, dataset.cells[cells], dataset.cell_type)
+            inner = type(drawing)(drawing.axes, part)
+            inner.body(x, color, color, linewidth=_line(dataset), alpha=SEEN_THROUGH)
+        else:
+            drawing.markers(x[nodes], color, marker="o", s=2 * size)
     for family, color in zip(_families(dataset), FIBRES, strict=False):
         drawing.directions(family, color, linewidth=2 * _line(dataset))
     _draw_cables(drawing, dataset, x)
@@ -211,6 +222,11 @@ def _draw_key(axes: Axes, dataset: DatasetBody) -> None:
         Line2D([], [], color=SUPPORT, ls="", marker="s", ms=size, mew=0, label="clamped node"),
         Line2D([], [], color=NETWORK, ls="", marker="o", ms=size, mew=0, label="loadable node"),
     ]
+    handles += [
+        Line2D([], [], color=color, ls="", marker="s" if cells.any() else "o", ms=6, label=name)
+        for name, color in sorted(_colours(dataset).items())
+        for _, cells in [dataset.groups[name]]
+    ]
     several = len(_families(dataset)) > 1
     handles += [
         Line2D([], [], color=color, lw=1.4, label=f"fibres {number}" if several else "fibres")
@@ -224,6 +240,13 @@ def _draw_key(axes: Axes, dataset: DatasetBody) -> None:
             Line2D([], [], color=REFERENCE, lw=1.0, label="deformed, in equilibrium"),
         ]
     axes.legend(handles=handles, loc="center left", title=title, alignment="left")
+
+
+def _colours(dataset: DatasetBody) -> dict[str, str]:
+    """Colours of the groups that are drawn, those of many cells first; the whole body is none."""
+    names = [name for name, (_, cells) in dataset.groups.items() if not cells.all()]
+    coloured = dict(zip(names, GROUPS, strict=False))
+    return dict(sorted(coloured.items(), key=lambda each: -dataset.groups[each[0]][1].sum()))
 
 
 def _families(dataset: DatasetBody) -> list[Array]:

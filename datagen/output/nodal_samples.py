@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from shared_schema.actuators import PlacedActuators, actuators_of, placed_actuators
 from shared_schema.common.bodies.command_loads import LoadedBody
-from shared_schema.common.bodies.groups import groups_of, parts_of
+from shared_schema.common.bodies.groups import cells_in, groups_of, parts_of
 from shared_schema.common.bodies.nodal_forces import scatter_forces
 from shared_schema.common.bodies.shape_family import TERMS
 from shared_schema.common.errors import InputError
@@ -46,6 +46,8 @@ class DatasetBody:
     clamped, loadable : array of bool, (n_nodes,)
     fibres : array, (n_cells, families, d), or None
         Directions of fibres, if a material has some.
+    groups : mapping of str to (array of bool, (n_nodes,), and array of bool, (n_cells,))
+        Nodes and cells of every named group.
     held : array of bool, (n_nodes, d)
         Components of displacement that supports hold.
     """
@@ -58,6 +60,11 @@ class DatasetBody:
         self.clamped: NDArray[np.bool_] = arrays["mesh/clamped"]
         self.loadable: NDArray[np.bool_] = arrays["mesh/loadable"]
         self.fibres: NDArray[np.float64] | None = arrays.get("mesh/fibres")
+        parts = parts_of(arrays, reader.cell_type)
+        self.groups = {
+            name: (members, cells_in(self.cells, members, parts.get(name)))
+            for name, members in groups_of(arrays).items()
+        }
         self.cell_type, self.has_shapes = reader.cell_type, TERMS in arrays
         single = arrays.get("mesh/held")
         whole = np.repeat(self.clamped[:, None], self.coordinates.shape[1], axis=1)

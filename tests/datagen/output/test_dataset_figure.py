@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from matplotlib.image import imread
 from mpi4py import MPI
 
@@ -16,6 +17,7 @@ from datagen.output.dataset_figure import draw, resultant_of
 from datagen.output.nodal_samples import DatasetBody, NodalSamples
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.shard import read_shard
+from tests.datagen.mesh.test_mesh_file import CASE
 from tests.datagen.refusal import refusal
 
 STARTS = {"png": b"\x89PNG\r\n", "pdf": b"%PDF-", "svg": b"<?xml"}
@@ -157,6 +159,39 @@ def test_body_without_samples(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert legend.get_title().get_text().startswith("beam2d: body without samples\n64 ")
     assert main(["plot", str(body), "--out", str(out), "--samples", "1"]) == 2
     assert "is a body, which has no samples" in capsys.readouterr().err
+
+
+def test_groups_of_a_case(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Cells of a group are faces of its colour, those of the inside too; nodes are marks."""
+    (tmp_path / "own.geo").write_text(
+        'SetFactory("OpenCASCADE"); Box(1) = {0, 0, 0, 3, 3, 3}; Box(2) = {1, 1, 1, 1, 1, 1};\n'
+        "BooleanFragments{ Volume{1}; Delete; }{ Volume{2}; Delete; }\n"
+        'Physical Volume("inner") = {2}; Physical Volume("outer") = {3};\n'
+        'Physical Surface("low") = Surface In BoundingBox {-1, -1, -0.1, 4, 4, 0.1};\n'
+        "Mesh.MeshSizeMax = 1;\n"
+    )
+    case = {**CASE, "mesh": {"kind": "file", "path": "own.geo"}, "supports": [{"z": 0}]}
+    case["load"] = {"family": "body_force", "range": [-1, 1]}
+    (tmp_path / "own.yaml").write_text(yaml.safe_dump(case))
+    out = tmp_path / "a.png"
+    assert main(["plot", str(tmp_path / "own.yaml"), "--out", str(out)]) == 0
+    assert capsys.readouterr().out == f"{out}: the body\n"
+    assert main(["body", str(tmp_path / "own.yaml"), "--out", str(tmp_path / "body")]) == 0
+    reader = DatasetReader(tmp_path / "body")
+    dataset = DatasetBody(reader, reader.body)
+    assert {name: bool(cells.any()) for name, (_, cells) in dataset.groups.items()} == {
+        "inner": True,
+        "low": False,
+        "outer": True,
+    }
+    mesh, key = draw(dataset).axes
+    white, outer, inner, low, *_ = mesh.collections
+    assert len(inner.get_paths()) < len(outer.get_paths()) >= len(white.get_paths())
+    assert len(np.asarray(low.get_offsets())) == dataset.groups["low"][0].sum()
+    legend = key.get_legend()
+    assert legend is not None
+    named = [text.get_text() for text in legend.get_texts()]
+    assert named == ["clamped node", "loadable node", "inner", "low", "outer"]
 
 
 def test_resultant_and_moment() -> None:
