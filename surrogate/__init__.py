@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from surrogate.mechanics.sampling.sampling import sample
     from surrogate.mechanics.touch.grip import Grip, GripFrame
     from surrogate.mechanics.touch.touch import Touch, TouchFrame
+    from surrogate.page.network_of_body import network_of_body
     from surrogate.page.page import write_page
     from surrogate.page.shape import page_of_shape
 
@@ -68,6 +69,7 @@ __all__ = [
     "first_config",
     "identify",
     "load",
+    "network_of_body",
     "page_of_shape",
     "read_config",
     "read_dataset",

@@ -52,6 +52,7 @@ Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 ROUNDED = 0.01  # of the largest extent
 FLAT = 1e-12  # of the largest extent: height of a triangle that is none, distance without direction
+EQUAL = 1e-7  # of the largest coordinate: difference of points of two triangles that are one
 PAIRS = 2_000_000  # positions and triangles that are looked at together
 CORNERS = ((0, 1), (1, 2), (2, 0))  # of the edges of a triangle
 CUTS = {"triangle": ([0, 1, 2],), "quad": ([0, 1, 2], [0, 2, 3])}  # into triangles
@@ -69,7 +70,7 @@ def read_triangles(path: Path, scale: float = 1.0) -> tuple[Array, Numbers]:
     Returns
     -------
     corners : array, (n_corners, 3)
-        In m, equal ones joined.
+        In m, those joined that are equal but for the rounding of single precision.
     triangles : array of int, (n_triangles, 3)
         Without flat ones.
 
@@ -92,7 +93,9 @@ def read_triangles(path: Path, scale: float = 1.0) -> tuple[Array, Numbers]:
     points = np.asarray(mesh.points, np.float64) * scale
     if points.shape[1] != 3 or not np.isfinite(points).all() or np.abs(points).max() > MOST:
         raise ValueError(f"expected points of 3 finite coordinates, at most {MOST:g} m")
-    corners, numbers = np.unique(points, axis=0, return_inverse=True)
+    whole = np.round(points / (EQUAL * max(np.abs(points).max(), 1e-300)))
+    _, first, numbers = np.unique(whole, axis=0, return_index=True, return_inverse=True)
+    corners = points[first]
     triangles = numbers.ravel()[triangles]
     sides = corners[triangles[:, [1, 2, 0]]] - corners[triangles]
     heights = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)

@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import re
 import shutil
-import subprocess
-import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -20,11 +18,12 @@ import numpy as np
 import yaml
 
 from shared_schema.common.arguments import checked_arguments
-from shared_schema.common.configuration import changed
+from shared_schema.common.configuration import changed, read_yaml
 from shared_schema.common.errors import InputError
 from shared_schema.common.files import require_writable
 from surrogate.learning.training.loop import train
 from surrogate.mechanics.statics.body import Body
+from surrogate.page.factory import run_datagen
 from surrogate.page.page import write_page
 
 CONDITION = re.compile(r"\s*([xyz])\s*(<=|>=|<|>|=)\s*([^\s<>=]+)\s*")
@@ -33,7 +32,6 @@ FEWEST = 4  # numbers of one of them
 MOVED = 0.1  # of the body's diagonal, under the largest force
 REPAIRED = "repaired.stl"
 FIRST = 1.0  # range in N of the loads of a body whose stiffness is not known yet
-NONE = "no program datagen on the PATH, expected it (pip install 'solid-datagen[mesh]')"
 
 
 @checked_arguments
@@ -73,8 +71,8 @@ def page_of_shape(
     changes : sequence of str
         Keys of the case and their values, such as ``mesh.zones={tumour: tumour.stl}``.
     out : str or Path, optional
-        New folder for the case, the body, the run of its series and the page; by default one of
-        the shape's name in this folder.
+        Folder for the case, the body, the run of its series and the page; by default one of the
+        shape's name in this folder. One that the same call made before is left as it is.
 
     Returns
     -------
@@ -85,16 +83,12 @@ def page_of_shape(
     ------
     InputError
         If there is no such file, a text or number is wrong, the body cannot be made, the folder
-        exists, or there is no program `datagen`; nothing is left then.
+        is of another body, or there is no program `datagen`; nothing is left then.
     """
     path = Path(shape)
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     folder = Path(path.stem if out is None else out)
-    if folder.exists():
-        raise InputError(f"out '{folder}': exists, expected a new folder", "out")
-    require_writable(folder)
-    folder.parent.mkdir(parents=True, exist_ok=True)
     mesh: dict[str, Any] = {"kind": "file", "path": str(path.resolve()), "scale": scale}
     given: dict[str, Any] = {
         "name": re.sub(r"[^A-Za-z0-9_-]", "_", path.stem),
@@ -109,13 +103,20 @@ def page_of_shape(
     if isinstance(mesh.get("zones"), dict):
         zones = {name: str(Path(str(file)).resolve()) for name, file in mesh["zones"].items()}
         case["mesh"] = mesh = {**mesh, "zones": zones}
+    if repair:
+        mesh["path"] = REPAIRED  # beside the case
+    if folder.exists():
+        if asked_before(case, folder / "case.yaml"):
+            return folder / f"{path.stem}.html"
+        raise InputError(f"out '{folder}': exists, of another body; expected a new folder", "out")
+    require_writable(folder)
+    folder.parent.mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory(prefix=f".{folder.name}-", dir=folder.parent) as partial:
         place = Path(partial) / folder.name
         place.mkdir()
         if repair:
             words = () if size is None else ("--size", str(size))
-            run_datagen("repair", str(path), "--out", str(place / REPAIRED), *words)
-            mesh["path"] = REPAIRED  # beside the case
+            run_datagen("repair", path, "--out", place / REPAIRED, *words)
         body = make_body(case, place)
         largest = float(f"{largest_force(body):.2g}")
         shutil.rmtree(place / "body")
@@ -163,23 +164,20 @@ def region_of(text: str) -> dict[str, Any]:
         ) from None
 
 
+def asked_before(case: Mapping[str, Any], file: Path) -> bool:
+    """Whether a file has the case of an earlier call, whose range of loads follows from it."""
+    if not file.is_file():
+        return False
+    before, asked = read_yaml(file), dict(case)
+    asked["load"] = {**asked["load"], "range": before["load"]["range"]}
+    return before == asked
+
+
 def make_body(case: Mapping[str, Any], folder: Path) -> Body:
     """Run `datagen body` on a case, and read what it makes; InputError says what it refuses."""
     (folder / "case.yaml").write_text(yaml.safe_dump(dict(case), sort_keys=False))
-    run_datagen("body", str(folder / "case.yaml"), "--out", str(folder / "body"))
+    run_datagen("body", folder / "case.yaml", "--out", folder / "body")
     return Body.read(folder / "body")
-
-
-def run_datagen(*words: str) -> None:
-    """Run a command of `datagen`; InputError says what it refuses."""
-    beside = shutil.which("datagen", path=str(Path(sys.executable).parent))
-    program = beside or shutil.which("datagen")
-    if program is None:
-        raise InputError(NONE)
-    made = subprocess.run([program, *words], capture_output=True, text=True)
-    if made.returncode != 0:
-        said = made.stderr.strip().splitlines() or [f"exit code {made.returncode}"]
-        raise InputError(said[-1].removeprefix("datagen: error: "))
 
 
 def largest_force(body: Body) -> float:

@@ -49,7 +49,10 @@ def test_a_page_of_a_surface(block: Path) -> None:
     force[range(3), tip, range(3)] = model.description.data.case["load"]["range"][1]
     moved = np.linalg.norm(model.body.equilibrium.linear_response(force)[:, tip], axis=1).max()
     assert moved == pytest.approx(0.1 * np.linalg.norm(SIZES), rel=0.05)  # two digits
-    execute(SURROGATE, "touch", block, *HELD, *of, code=2)  # the folder exists
+    page = (folder / "block one.html").stat()
+    execute(SURROGATE, "touch", block, *HELD, *of)  # nothing is left to do
+    assert (folder / "block one.html").stat() == page
+    execute(SURROGATE, "touch", block, *HELD, *of, "--poisson-ratio", "0.4", code=2)
 
 
 @pytest.mark.slow
@@ -116,3 +119,29 @@ def test_regions(text: str, region: dict[str, object]) -> None:
 def test_texts_that_mean_no_region(text: str) -> None:
     with pytest.raises(InputError, match="expected conditions such as"):
         region_of(text)
+
+
+@pytest.mark.slow
+def test_a_network_of_a_surface(block: Path) -> None:
+    """A plan first, then samples, network, bounds and page; once more, all of it is there.
+
+    The errors are those that the evaluation found: the network has learned if they are a tenth of
+    those of linear elasticity, which are the displacements beyond it.
+    """
+    folder = block.with_name("made")
+    of = (*HELD, "--scale", "0.001", "--size", "16", "--out", folder, "--network", "200")
+    said = execute(SURROGATE, "touch", block, *of).stderr
+    assert said.index("reduced network, 48 → 3 × 128 → 96") < said.index("200/200 samples")
+    assert (folder / "network.html").stat().st_size > 1e5
+    network, data = surrogate.load(folder / "network"), surrogate.read_dataset(folder / "grid")
+    assert len(data.train) + len(data.test) == 200
+    force, displacement = data.nodal_test.force, data.nodal_test.displacement
+    beyond = displacement - network.body.equilibrium.linear_response(force)
+    error = network.predict(force) - displacement
+    assert np.abs(error).mean() < 0.1 * np.abs(beyond).mean()
+    assert network.solve(force[0], certify="fast").certificate is not None
+    (folder / "network.html").unlink()
+    made = (folder / "network" / "model.safetensors").stat().st_mtime_ns
+    assert "samples/s" not in execute(SURROGATE, "touch", block, *of).stderr
+    assert (folder / "network.html").is_file()
+    assert (folder / "network" / "model.safetensors").stat().st_mtime_ns == made
