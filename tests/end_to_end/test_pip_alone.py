@@ -8,13 +8,13 @@ import sys
 import venv
 from pathlib import Path
 
-import numpy as np
 import pytest
 import torch
 
 from shared_schema.manifest import read_manifest
 from tests.surrogate.conftest import build as make_dataset
 from tests.surrogate.mechanics.sampling.test_sampling import LOAD
+from tools.kidney import kidney
 from tools.wheels import build
 
 ROOT = Path(__file__).parents[2]
@@ -96,26 +96,6 @@ def test_nothing_that_only_posix_has(tmp_path: Path) -> None:
     assert read_manifest(tmp_path / "nodal").samples == 12
     assert "datagen run needs dolfinx, which is not installed" in done.stderr
     assert not (tmp_path / "elsewhere").exists()
-
-
-def kidney(path: Path, around: int = 24) -> None:
-    """Write the surface of a bean of 0.1 m, in binary STL."""
-    a, b = np.meshgrid(
-        np.linspace(0, np.pi, around // 2 + 1),
-        np.linspace(0, 2 * np.pi, around, endpoint=False),
-        indexing="ij",
-    )
-    x, y, z = 0.05 * np.cos(a), 0.025 * np.sin(a) * np.cos(b), 0.02 * np.sin(a) * np.sin(b)
-    at = np.stack([x, y - 8 * x**2, z], axis=2)
-    p, q = at, np.roll(at, -1, axis=1)
-    triangles = np.concatenate(
-        [np.stack([p[:-1], p[1:], q[1:]], 2), np.stack([p[:-1], q[1:], q[:-1]], 2)]
-    ).reshape(-1, 3, 3)
-    sides = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    triangles = triangles[np.linalg.norm(sides, axis=1) > 1e-12]
-    rows = np.zeros(len(triangles), [("n", "<3f4"), ("x", "<(3,3)f4"), ("a", "<u2")])
-    rows["x"] = triangles
-    path.write_bytes(bytes(80) + np.uint32(len(rows)).tobytes() + rows.tobytes())
 
 
 CASE = """
