@@ -32,7 +32,7 @@ from surrogate.mechanics.descent.directions import Asking, Directions
 from surrogate.mechanics.descent.driven_body import DrivenBody, State, longest
 
 Array = NDArray[np.float64]
-AT_ONCE = 16  # searches, whose solves are made together
+AT_ONCE = 32  # searches, whose solves are made together
 CLOSE = 2e-9  # of the largest displacement: largest last direction, which leaves less than half
 REDUCTION, PRODUCTS = 1e-2, 60  # of the residual in the norm of H, and most products that it takes
 

@@ -334,7 +334,9 @@ class Equilibrium:
     @cached_property
     def undeformed(self) -> SymmetricFactor:
         """The factor of K(0), in the order of `layout`; ValueError if K(0) is singular."""
-        factor = self.layout.factor(self._tangent_of_solid(np.zeros((1, *self.free.shape))))
+        rest = np.zeros((1, *self.free.shape))
+        tangent = self._tangent_of_solid(rest) if self.solid.projects else self._at_rest
+        factor = self.layout.factor(tangent)
         if factor is None:
             raise ValueError("the stiffness of the body is singular; supports are missing")
         return factor

@@ -45,7 +45,7 @@ from surrogate.mechanics.statics.load import Load
 from surrogate.mechanics.statics.prediction import Series
 
 Array = NDArray[np.float64]
-ORDER, PREDICTED = 4, 16  # of the series' last term, and loads that are predicted together
+ORDER, PREDICTED = 4, 32  # of the series' last term, and loads that are predicted together
 CONVERGED, DIVERGED = 2, -5  # PETSc's reasons: the tolerance is met, too many iterations
 
 

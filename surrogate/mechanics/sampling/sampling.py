@@ -29,7 +29,7 @@ from shared_schema.samples.results import Result, result_arrays
 from shared_schema.stiffness import write_stiffness
 from surrogate.mechanics.sampling.sampled_body import SampledBody, software
 
-AT_A_TIME = 64  # samples that a worker takes
+AT_A_TIME = 128  # samples that a worker takes
 
 
 @checked_arguments

@@ -268,8 +268,20 @@ class Solid(nn.Module):
         return self.sum_at_nodes(forces.reshape(count, samples, d, corners))
 
     def stiffness_at_rest(self) -> Tensor:
-        """Positive definite stiffness K(0) of every cell in N/m, of the shape of its tangent."""
-        return self.compiled.cell_tangents(np.zeros((1, self.nodes, self.gradients.shape[3])))
+        """Positive definite stiffness K(0) of every cell in N/m, of the shape of its tangent.
+
+        At rest 𝔸 is the same at all points of a cell; nothing has to be compiled for it.
+        """
+        count, _, corners, d = self.gradients.shape
+        if self.projects:
+            return self.compiled.cell_tangents(np.zeros((1, self.nodes, d)))
+        units = torch.eye(d * d, dtype=self.gradients.dtype).reshape(d, d, d * d, 1, 1, 1)
+        moduli = StressPath(self).along(units.expand(-1, -1, -1, count, -1, -1))
+        moduli = moduli.reshape(d, d, d, d, count).permute(4, 0, 1, 2, 3)
+        g, volumes = self.gradients, self.volumes
+        stress = torch.einsum("cijkl,cqbl->cqijbk", moduli, g)
+        found = torch.einsum("cq,cqaj,cqijbk->caibk", volumes, g, stress)
+        return found.reshape(1, count, corners * d, corners * d)
 
 
 def _with_own_buffers(module: nn.Module) -> Any:
