@@ -42,6 +42,13 @@ STEPS = {  # the last file of each
     "errors and bounds": "network/evaluation.json",
     "page of the network": "network.html",
 }
+PREDICTS = (
+    "The network errs by {mean_error:.2%} of the largest displacement in the mean of the nodes "
+    "(linear elasticity by {mean_error_of_linear_elasticity:.2%}), by {median_largest_error:.1%} "
+    "at the worst node of a load in the median, and takes {prediction_ms:.2f} ms a load after "
+    "`prepare('surface')`, {prepare_seconds:.1f} s. What it misses are the dimples about single "
+    "loaded nodes; the load series, whose page is the first one, has them."
+)
 HELD = ("--support", "x<-0.035", "--young-modulus", "5000", "--no-browser")
 
 
@@ -106,15 +113,8 @@ def page(results: Results) -> str:
     """Make the page."""
     rows = [(step, f"{seconds:.1f}") for step, seconds in results["seconds"].items()]
     total = (f"**all, of {results['nodes']} nodes**", f"**{results['total_seconds']:.1f}**")
-    mean, linear = results["mean_error"], results["mean_error_of_linear_elasticity"]
-    return (
-        markdown_table(("step", "time [s]"), [*rows, total])
-        + f"\n\nThe network errs by {mean:.2%} of the largest displacement in the mean of the "
-        f"nodes (linear elasticity by {linear:.2%}), by {results['median_largest_error']:.1%} at "
-        f"the worst node of a load in the median, and takes {results['prediction_ms']:.2f} ms a "
-        f"load, after `prepare` in {results['prepare_seconds']:.1f} s. What it misses are the dimples about single loaded nodes; the load series, whose "
-        "page is the first one, has them exactly."
-    )
+    said = PREDICTS.format_map(results)
+    return f"{markdown_table(('step', 'time [s]'), [*rows, total])}\n\n{said}"
 
 
 def arguments(parser: Parser) -> None:
