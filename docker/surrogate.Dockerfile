@@ -27,7 +27,7 @@ RUN python3 -m venv /opt/venv \
     && pip install --no-cache-dir --constraint /opt/constraints.txt "$TORCH"
 RUN pip install --no-cache-dir --constraint /opt/constraints.txt \
     filelock h5py jinja2 matplotlib meshio numba numpy pydantic pyyaml safetensors scikit-learn scipy shtab \
-    tqdm onnx onnxruntime onnxscript tensorboard
+    threadpoolctl tqdm onnx onnxruntime onnxscript tensorboard
 
 COPY shared_schema /opt/source/shared_schema
 COPY surrogate /opt/source/surrogate

@@ -16,6 +16,7 @@ from multiprocessing import get_context, parent_process
 from pathlib import Path
 
 import torch
+from threadpoolctl import threadpool_limits
 
 from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.errors import FAILED, StoppedError, WorkError
@@ -210,6 +211,7 @@ def _begin(folder: Path, samples: int, seed: int | None) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     torch.set_num_threads(1)
+    threadpool_limits(1)  # of the libraries of NumPy and SciPy: a worker is for one core
     _sampled = SampledBody.read(folder, samples, seed)
 
 
