@@ -86,7 +86,6 @@ class Surrogate(Remade):
         self.training_range = TrainingRange.of(geometry, description)
         self.folder: Path | None = None
         self.mean_error: float | None = None
-        self._shapes: dict[bytes, Surrogate] = {}
 
     def __repr__(self) -> str:
         """Say what it is, such as "Surrogate(beam2d, 64 nodes, U-Net 0.47 M, ē 0.06 mm)"."""
@@ -635,10 +634,16 @@ class Surrogate(Remade):
             made = make_surrogate(tensors, self.description, device)
             made.mean_error, made.precision = self.mean_error, self.precision
             made.folder = self.folder
-            if len(self._shapes) >= SHAPES:
-                self._shapes.pop(next(iter(self._shapes)), None)
+            for oldest in list(self._shapes)[: len(self._shapes) - SHAPES + 1]:
+                self._shapes.pop(oldest, None)
             self._shapes[key] = made
+            return made
         return self._shapes[key]
+
+    @cached_property
+    def _shapes(self) -> dict[bytes, Surrogate]:
+        """Models of the last few shapes, by their parameters."""
+        return {}
 
     def require_stochastic(self, **options: int | None) -> None:
         """Raise InputError if pass options are given for a network that is not stochastic."""

@@ -60,8 +60,9 @@ def with_elements(geometry: Geometry, case: Mapping[str, Any], forces: str | Non
         return found
     from shared_schema.actuators import actuators_of, placed_actuators  # few bodies have some
 
-    placed = placed_actuators(actuators_of(case["actuators"]), found.loaded_body)
-    return replace(found, actuators=placed)
+    at = found if found.shapes is None else replace(found, coordinates=found.shapes.terms[0])
+    placed = placed_actuators(actuators_of(case["actuators"]), at.loaded_body)
+    return replace(found, actuators=placed if at is found else placed.on(found.positions))
 
 
 def has_mean_dilation(case: Mapping[str, Any], cell_type: str) -> bool:

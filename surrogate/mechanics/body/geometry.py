@@ -214,7 +214,16 @@ class Geometry:
     def shaped(self, values: NDArray[np.float64]) -> Geometry:
         """The same, of checked parameters, (n_parameters,)."""
         assert self.shapes is not None
-        return replace(self, coordinates=self.shapes.coordinates(values), parameters=values)
+        x = self.shapes.coordinates(values)
+        shape = replace(self, coordinates=x, parameters=values)
+        placed = shape.actuators
+        return shape if placed is None else replace(shape, actuators=placed.on(shape.positions))
+
+    @property
+    def positions(self) -> NDArray[np.float64]:
+        """Positions of all points that loads act on, (n_points, d) in m."""
+        points = self.loaded_points
+        return self.coordinates if points is None else points.interpolated(self.coordinates)
 
     @property
     def shape(self) -> Tensor | None:

@@ -15,6 +15,7 @@ import datagen
 from datagen.farm.shard_job import ShardJob
 from shared_schema.common.bodies.shape_family import ShapeFamily
 from shared_schema.common.errors import InputError, StoppedError
+from shared_schema.content_problems import content_problems
 from shared_schema.dataset_reader import DatasetReader
 from tests.datagen.farm.test_body_dataset import CASE, PLATE
 from tests.datagen.farm_runs import assert_same
@@ -63,6 +64,22 @@ def test_every_sample_is_the_equilibrium_of_its_shape(plate: Path, tmp_path: Pat
     family = ShapeFamily.of_arrays(DatasetReader(tmp_path / "grid").body)
     assert family is not None
     assert np.array_equal(family.coordinates(parameters[2]), x[2])
+
+
+def test_what_does_not_fit_a_shape_is_found(plate: Path, tmp_path: Path) -> None:
+    manifest = datagen.run(plate, tmp_path / "data", samples=3)
+    arrays = DatasetReader(tmp_path / "data").shard(manifest.shards[0])
+    assert content_problems(manifest, arrays) == []
+    for name, change, said in (
+        ("samples/coordinates", 1e-6, "'samples/coordinates' is not the shape of"),
+        ("samples/parameters", 0.5, "outside of its range"),
+        ("mesh/shape_terms", 1e-6, "does not begin with 'mesh/coordinates'"),
+    ):
+        (found,) = content_problems(manifest, {**arrays, name: arrays[name] + change})
+        assert said in found
+    del arrays["samples/parameters"]
+    (found,) = content_problems(manifest, arrays)
+    assert "do not stand together" in found
 
 
 def test_stopped_and_resumed_is_uninterrupted(

@@ -15,6 +15,7 @@ from shared_schema.common.bodies.shape_family import ShapeFamily, design
 from shared_schema.common.errors import InputError
 from surrogate.command_line import main
 from surrogate.learning.inference.surrogate import Surrogate, make_surrogate
+from surrogate.mechanics.body.elements_of_case import with_elements
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.statics.body import Body
 from surrogate.mechanics.statics.prediction import Series
@@ -90,3 +91,16 @@ def test_command_refuses_a_parameter_of_one_shape(
     assert main([*command, "--parameter", "size=1"]) == 2
     assert "--parameter size: the body has one shape" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_cables_keep_their_points_of_the_body(family: Surrogate) -> None:
+    """A cable is as long as the body is large, read again with the shape or not."""
+    cable = {"cable": [[0.5, 0.5], [2.0, 0.7], [3.5, 0.5]], "tension": [0, 1]}
+    case = {**family.body.case, "actuators": {"along": cable}}
+    body = Body(with_elements(family.geometry, case, None), case)
+    shape = body.of_shape({"size": 1.3}).geometry
+    read = with_elements(Geometry.from_tensors(shape.tensors(), shape.cell_type), case, None)
+    assert body.geometry.actuators is not None
+    for geometry in (shape, read):
+        assert geometry.actuators is not None
+        assert geometry.actuators.rest == pytest.approx(1.3 * body.geometry.actuators.rest)
