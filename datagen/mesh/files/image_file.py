@@ -26,6 +26,7 @@ from shared_schema.common.errors import WorkError, first_line
 Array = NDArray[np.float64]
 SUFFIXES = (".nii", ".nii.gz", ".nrrd", ".mha")
 MOST = 100  # labels, if none are named: an image with more is no segmentation
+FINE = 3  # voxels along the edge of a cell that are enough
 REACH = 4  # standard deviations of a Gaussian that count
 
 
@@ -46,7 +47,8 @@ def mesh_of_image(path: Path, size: float, labels: Mapping[str, int], smoothing:
         Labels by the names of their groups; all others are outside. By default all but 0, whose
         groups have their numbers as names.
     smoothing : float
-        Standard deviation σ in voxels, along each axis of the image.
+        Standard deviation σ in voxels, along each axis of the image; at least half of the step
+        where only some voxels are looked at, since `FINE` are enough along a cell.
 
     Raises
     ------
@@ -57,31 +59,33 @@ def mesh_of_image(path: Path, size: float, labels: Mapping[str, int], smoothing:
         If what reads images is not installed.
     """
     try:
-        from scipy.ndimage import gaussian_filter, map_coordinates
+        from scipy.ndimage import find_objects, gaussian_filter, map_coordinates
         from skimage.measure import marching_cubes
     except ImportError as error:
         raise WorkError(f"an image needs scikit-image ({first_line(error)}); {IMAGES}") from None
     voxels, axes, origin = _read(path)
     wanted = _labels_in(voxels, labels)
-    inside = np.argwhere(np.isin(voxels, list(wanted.values())))
-    margin = int(REACH * smoothing) + 2
-    first = inside.min(axis=0)
-    part = voxels[tuple(map(slice, first, inside.max(axis=0) + 1))]
-    part = np.pad(part, margin)
+    step = np.maximum(size / (FINE * np.linalg.norm(axes, axis=0)), 1).astype(int)
+    sigma = np.where(step > 1, np.maximum(smoothing, step / 2), smoothing)
+    (box,) = find_objects(np.isin(voxels, list(wanted.values())).astype(np.int8))
+    margin = int(REACH * sigma.max()) + 2 * int(step.max())
+    part = np.pad(voxels[box], margin)
     fields = [
-        gaussian_filter((part == label).astype(np.float32), smoothing, truncate=REACH)
+        gaussian_filter((part == label).astype(np.float32), sigma, truncate=REACH)[
+            :: step[0], :: step[1], :: step[2]
+        ]
         for label in wanted.values()
     ]
     body = np.sum(fields, axis=0)
     if not body.max() > 0.5:
-        raise ValueError(f"its labels vanish by smoothing over {smoothing:g} voxels")
+        raise ValueError(f"its labels vanish by smoothing over {sigma.max():g} voxels")
     corners, triangles, _, _ = marching_cubes(body, 0.5, allow_degenerate=False)
-    shift = first - margin
-    points = origin + (corners.astype(np.float64) + shift) @ axes.T
+    shift = np.array([along.start for along in box]) - margin
+    points = origin + (corners.astype(np.float64) * step + shift) @ axes.T
     mesh = filled(points, triangles.astype(np.int64), size)
     centres = mesh.coordinates[mesh.cells].mean(axis=1)
     centres = np.linalg.solve(axes, (centres - origin).T) - shift[:, None]
-    values = [map_coordinates(field, centres, order=1) for field in fields]
+    values = [map_coordinates(field, centres / step[:, None], order=1) for field in fields]
     nearest = np.argmax(values, axis=0)
     groups = {name: np.flatnonzero(nearest == number) for number, name in enumerate(wanted)}
     for name, members in groups.items():
