@@ -279,7 +279,10 @@ class EquilibriumProblem:
         self._predict_from_here()
         self._x.array_w[:] = self.u.x.array[: self._x.local_size]
         if self.load.is_bordered:
-            return self._solved_with(UnknownAmplitudes(self))
+            result = self._solved_with(UnknownAmplitudes(self))
+            if contact is not None and multipliers is not None and not result.converged:
+                contact.restore(multipliers)
+            return result
         reason, iterations, residual_norm = self.newton.solve(
             self._x,
             is_loaded=self._is_loaded,

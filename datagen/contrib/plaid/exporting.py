@@ -142,6 +142,7 @@ def export_plaid(
         expected = ", ".join(ELEMENTS)
         raise InputError(f"{folder}: cells are {reader.cell_type}, expected one of {expected}")
     left_out = [name for name in NOT_CARRIED if name in reader.body]
+    left_out += ["actuators"] if manifest.case.get("actuators") else []
     if left_out:
         raise InputError(
             f"{folder}: has '{left_out[0]}', expected a dataset of one material and one shape, "

@@ -115,6 +115,17 @@ def test_length_and_tension_give_the_same_state() -> None:
     np.testing.assert_allclose(slack.displacement, free.displacement, atol=1e-9)
 
 
+def test_length_and_tension_give_the_same_state_beside_a_tool() -> None:
+    wall = "plane:0,0.06:0,-1"  # the beam bends up to it
+    pulled = datagen.solve(BEAM, actuate=["top=150"], tool=wall)
+    assert pulled.contact is not None
+    assert pulled.contact.force.sum(axis=0)[1] < -0.1
+    length = pulled.actuators["top"].quantity
+    drawn = datagen.solve(BEAM, actuate=[f"top.length={length!r}"], tool=wall)
+    assert drawn.actuators["top"].amplitude == pytest.approx(150.0, rel=1e-6)
+    np.testing.assert_allclose(drawn.displacement, pulled.displacement, atol=1e-8)
+
+
 def test_pressure_volume_and_gas_give_the_same_state(tmp_path: Path) -> None:
     """A gas of (A + v) V₀ = (A + p) V; the volume at rest is 8 m³."""
     case = chamber(tmp_path, pressure=[0, 2e4], ambient=1e5)
