@@ -29,7 +29,7 @@ def test_cubes_that_overlap_and_are_open(tmp_path: Path) -> None:
         wanted = MeshFile(kind="file", path="own.stl").found_from(tmp_path)
         with pytest.raises(InputError, match=f"{said}.*; `datagen repair` makes one closed"):
             wanted.raw_mesh()
-    count = datagen.repair(tmp_path / "own.stl", tmp_path / "one.ply", size=0.8)
+    count = datagen.repair(tmp_path / "own.stl", tmp_path / "one.ply", size=1.2)
     assert count > 24
     mesh = MeshFile(kind="file", path="one.ply").found_from(tmp_path).raw_mesh()
     assert volume(mesh) == pytest.approx(1.875, rel=0.025)

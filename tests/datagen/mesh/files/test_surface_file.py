@@ -13,7 +13,7 @@ from datagen.mesh.mesh_file import MeshFile
 from shared_schema.common.bodies.cells import outward_facets
 from shared_schema.common.bodies.groups import RawMesh
 from shared_schema.common.errors import InputError
-from tests.closed_surfaces import CUBE, FACES
+from tests.closed_surfaces import CUBE, FACES, surface_file
 from tests.datagen.mesh.test_mesh_file import volume
 
 
@@ -79,6 +79,19 @@ def test_formats(name: str, tmp_path: Path) -> None:
     (tmp_path / "open.obj").write_text(text)
     with pytest.raises(InputError, match="the surface is not closed: 4 of its 5 edges"):
         MeshFile(kind="file", path="open.obj").found_from(tmp_path).raw_mesh()
+
+
+def test_a_bad_triangle_is_laid_anew(tmp_path: Path) -> None:
+    """A triangle of 1 m × 1 nm makes a flat cell; the error names what replaces it."""
+    a, b, c = FACES[0]
+    beside = CUBE[a] + 0.5 * (CUBE[b] - CUBE[a]) + 1e-9 * (CUBE[c] - CUBE[a])
+    new = [[a, b, len(CUBE)], [b, c, len(CUBE)], [c, a, len(CUBE)]]
+    surface_file(tmp_path / "own.ply", np.vstack([CUBE, beside]), np.vstack([FACES[1:], new]))
+    wanted = MeshFile(kind="file", path="own.ply").found_from(tmp_path)
+    with pytest.raises(InputError, match=r"flat or turned over .*; 'size' lays other triangles on"):
+        wanted.raw_mesh()
+    other = MeshFile(kind="file", path="own.ply", size=0.5).found_from(tmp_path).raw_mesh()
+    assert volume(other) == pytest.approx(1, rel=0.1)  # edges are cut
 
 
 def boundary_nodes(mesh: RawMesh) -> np.ndarray:
