@@ -125,6 +125,15 @@ def test_tangents_of_cells(cell_type: str, material: ShippedMaterial) -> None:
     torch.testing.assert_close(
         work, ((energies[0] - energies[1]) / (2 * h))[0], rtol=1e-6, atol=1e-7
     )
+    require_same_at_rest(solid)
+
+
+def require_same_at_rest(solid: Solid) -> None:
+    """K(0) of cells by PyTorch is that of the compiled loops, to rounding."""
+    rest = np.zeros((1, solid.nodes, solid.gradients.shape[3]))
+    expected, found = solid.compiled.cell_tangents(rest), solid.stiffness_at_rest()
+    scale = float(expected.abs().max())
+    torch.testing.assert_close(found, expected, rtol=0, atol=1e-12 * scale)
 
 
 def test_two_materials_are_those_of_their_cells() -> None:
@@ -141,6 +150,7 @@ def test_two_materials_are_those_of_their_cells() -> None:
     torch.testing.assert_close(
         both.compiled.cell_tangents(u.numpy()), expected, rtol=1e-10, atol=1e-9
     )
+    require_same_at_rest(both)
     of_cells = [
         Solid(geometry.coordinates, geometry.cells[parts == i], "quad", material).energy(u)
         for i, material in enumerate(pair)
@@ -224,6 +234,7 @@ def test_fibres(d: int) -> None:
     found.index_add_(1, solid.cells.flatten(), products.reshape(1, -1, d))
     upward, downward = (solid.internal_forces(u + sign * h * v) for sign in (1, -1))
     torch.testing.assert_close(found, (upward - downward) / (2 * h), rtol=1e-5, atol=1e-5)
+    require_same_at_rest(solid)
 
 
 @pytest.mark.parametrize(
