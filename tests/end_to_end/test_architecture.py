@@ -60,7 +60,7 @@ LAYERS = {  # packages and root modules; imports go downwards, or anywhere insid
         ["mechanics.series", "mechanics.descent"],
         ["mechanics.certify", "mechanics.modal_equilibrium"],
         ["mechanics.statics"],
-        ["mechanics.touch", "mechanics.sampling"],
+        ["mechanics.touch", "mechanics.sampling", "mechanics.actuation"],
         ["mechanics.identification"],
         ["learning.data", "learning.probabilistic"],
         ["learning.networks"],

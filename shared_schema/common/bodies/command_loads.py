@@ -320,7 +320,7 @@ class CommandLoads:
         """Add what ``--hold`` says; InputError if it is wrong, or a component is held or moved."""
         name, _, values = text.rpartition(":")
         d, option = self.body.coordinates.shape[1], f"--hold '{text}'"
-        members = self._members(name, option, nearest)
+        members = self.members(name, option, nearest)
         parts = [part.strip() for part in values.split(",")]
         components = np.array([part != "-" for part in parts])
         numbers = ",".join("0" if part == "-" else part for part in parts)
@@ -333,7 +333,7 @@ class CommandLoads:
         self.moved |= moved
         self.displacement += moved * np.array(wanted)
 
-    def _members(self, name: str, option: str, nearest: bool) -> NDArray[np.bool_]:
+    def members(self, name: str, option: str, nearest: bool) -> NDArray[np.bool_]:
         """Nodes of a group, or the one at a place, (n_nodes,)."""
         x, d = self.body.coordinates, self.body.coordinates.shape[1]
         if name in self.body.groups:

@@ -260,12 +260,16 @@ class Solid(nn.Module):
 
     def forces_of(self, stress: Tensor) -> Tensor:
         """Σ_q w_q P_q G_a in N: (d, d, n_cells, N, n_points) in Pa → (N, n_nodes, d)."""
+        return self.sum_at_nodes(self.of_cells(stress))
+
+    def of_cells(self, stress: Tensor) -> Tensor:
+        """The forces of each cell: (d, d, n_cells, N, n_points) → (n_cells, N, d, n_corners)."""
         count, points, corners, d = self.gradients.shape
         samples = stress.shape[3]
         p = (self.volumes[:, None] * stress).permute(2, 3, 0, 4, 1)
         slopes = self.gradients.transpose(2, 3).reshape(count, points * d, corners)
         forces = torch.bmm(p.reshape(count, samples * d, points * d), slopes)
-        return self.sum_at_nodes(forces.reshape(count, samples, d, corners))
+        return forces.reshape(count, samples, d, corners)
 
     def stiffness_at_rest(self) -> Tensor:
         """Positive definite stiffness K(0) of every cell in N/m, of the shape of its tangent.
