@@ -23,6 +23,7 @@ from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.equilibrium.following_loads import FollowingLoads
 
 ROUNDING = 1e-6  # of a force in single precision, and more
+FAINT = 1e-4  # of the forces of actuators
 LARGEST_FORCE = float(np.finfo(np.float32).max)
 Array = NDArray[np.float64]
 GivenLoad: TypeAlias = ArrayLike | Tensor | str | Path | Sequence[str | Path]
@@ -102,8 +103,11 @@ class Load:
         Raises
         ------
         InputError
-            If another force acts on half of the nodes, or no node belongs to one surface alone.
+            If another force acts on half of the nodes, no node belongs to one surface alone, or
+            other forces act beside actuators.
         """
+        if geometry.actuators is not None:
+            return cls._of_actuators(geometry, forces)
         if not geometry.surfaces:
             return cls(forces)
         count, nodes = len(geometry.surfaces), len(geometry.coordinates)
@@ -124,6 +128,18 @@ class Load:
         if not known:
             raise InputError("the pressures of the samples cannot be told from their other forces")
         return cls(dead, following)
+
+    @classmethod
+    def _of_actuators(cls, geometry: Geometry, forces: Array) -> Load:
+        """Tell tensions and pressures from all forces, of which there are no others."""
+        units = FollowingLoads.of(geometry, np.eye(len(geometry.following)))
+        nodes, flat = len(geometry.coordinates), forces.reshape(len(forces), -1)
+        rows = (units.load[:, :nodes] * geometry.free).reshape(len(units.amplitudes), -1)
+        found = np.asarray(flat[:, : rows.shape[1]] @ np.linalg.pinv(rows), np.float64)
+        left = np.linalg.norm(flat[:, : rows.shape[1]] - found @ rows, axis=1)
+        if (left > FAINT * np.linalg.norm(flat, axis=1)).any():
+            raise InputError("the actuators of the samples cannot be told from their other forces")
+        return cls(np.zeros_like(forces), replace(units, amplitudes=found))
 
     def __getitem__(self, cases: int | slice) -> Load:
         """One of N load cases, or some."""

@@ -111,3 +111,18 @@ def test_wrong_actuators_are_refused() -> None:
         load_of(body, along=-1)
     with pytest.raises(InputError, match="expected a tension or a pressure, not the length"):
         Load.of(body.geometry, actuate=["along.length=1.5"])
+
+
+def test_tensions_of_samples_are_told_from_their_forces() -> None:
+    """In single precision, as a dataset has their sum; another force hides them."""
+    body = pulled("triangle", "quadratic")
+    geometry = body.geometry
+    loads = [Load.of(geometry, actuate={"along": a, "anchored": b}) for a, b in ((3, 0), (12, 4))]
+    forces = np.array([load.at_rest(geometry) for load in loads]).astype(np.float32)
+    found = Load.of_samples(geometry, forces.astype(np.float64))
+    assert found.following is not None
+    np.testing.assert_allclose(found.following.amplitudes, [[3, 0], [12, 4]], atol=1e-5)
+    assert not found.dead.any()
+    forces[0, -1] += 1.0
+    with pytest.raises(InputError, match="cannot be told"):
+        Load.of_samples(geometry, forces.astype(np.float64))
