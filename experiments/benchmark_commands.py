@@ -28,6 +28,7 @@ PROGRAMS = {  # in whose environment a benchmark is measured
     "identification": "surrogate",
     "large-bodies": "datagen",
     "manufactured": "datagen",
+    "measured-beam": "surrogate",
     "new-shape": "surrogate",
     "normalisation": "surrogate",
     "page": "surrogate",
