@@ -58,14 +58,12 @@ class Actuated:
     Attributes
     ----------
     geometry : Geometry
-    displacement : array, (n_nodes, d)
-        In m.
+    at_points : array, (n_points, d)
+        Displacements of all points of the elements in m, the nodes first.
     controls : dict of str to Control
         What is given of each actuator.
     amplitudes : dict of str to float
         Tension in N, or pressure in Pa, of each.
-    quantities : dict of str to float
-        Length in m, or volume in m³, of each.
     state : Balanced
         Coefficients of the modes, and amplitudes.
     missed : float
@@ -73,10 +71,9 @@ class Actuated:
     """
 
     geometry: Geometry
-    displacement: Array
+    at_points: Array
     controls: dict[str, Control]
     amplitudes: dict[str, float]
-    quantities: dict[str, float]
     state: Balanced
     missed: float = 0.0
 
@@ -84,6 +81,19 @@ class Actuated:
         """Write the displacement of the nodes to a file .npz, .vtu or .xdmf."""
         body, fields = self.geometry, {"displacement": self.displacement}
         write_solution(Path(path), body.coordinates, body.cells, body.cell_type, fields)
+
+    @property
+    def displacement(self) -> Array:
+        """Displacements of the nodes in m, (n_nodes, d)."""
+        return self.at_points[: len(self.geometry.coordinates)]
+
+    @property
+    def quantities(self) -> dict[str, float]:
+        """Length in m, or volume in m³, of each actuator."""
+        actuators, x = self.geometry.actuators, self.geometry.loaded_body.positions
+        assert actuators is not None
+        found = (unit.quantity(x + self.at_points) for unit in actuators.loads)
+        return dict(zip(actuators.names, found, strict=True))
 
     @property
     def given(self) -> dict[str, float]:
@@ -97,11 +107,11 @@ class Actuated:
 
     def lines(self) -> list[str]:
         """Describe what is given and found of every actuator, in a line each."""
-        actuators, found = self.geometry.actuators, []
+        actuators, found, quantities = self.geometry.actuators, list[str](), self.quantities
         assert actuators is not None
         for name, kind in zip(actuators.names, actuators.kinds, strict=True):
             is_cable = KINDS[kind][1] == "cable"
-            amplitude, quantity = self.amplitudes[name], self.quantities[name]
+            amplitude, quantity = self.amplitudes[name], quantities[name]
             found.append(
                 f"{name}: tension {amplitude:.4g} N, length {quantity:.6g} m"
                 if is_cable
@@ -319,14 +329,10 @@ class Actuation:
         of = ActuatedBody(body, self.actuators.loads, force)
         controls = tuple(found.controls.values())
         state = balanced(of, controls, Balanced(*start), CONFIRMED)
-        u = state.state.reshape(force.shape)
-        x = body.geometry.coordinates + u
-        quantities = [unit.quantity(x) for unit in self.actuators.loads]
         return replace(
             found,
-            displacement=u[: body.nodes],
+            at_points=state.state.reshape(force.shape),
             amplitudes=dict(zip(self.names, state.amplitudes.tolist(), strict=True)),
-            quantities=dict(zip(self.names, quantities, strict=True)),
         )
 
     def limits(self, within: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:
@@ -359,6 +365,10 @@ class Actuation:
         if start is None and not measures:
             amplitudes = np.array([control.value for control in controls])
             start = Balanced(self._first(amplitudes), amplitudes)
+        elif start is not None and not measures:
+            amplitudes = np.array([control.value for control in controls])
+            moved = self._first(amplitudes) - self._first(start.amplitudes)
+            start = Balanced(start.state + moved, amplitudes)
         elif start is None:
             start = Balanced(np.zeros(len(self.reduced.modes)), np.zeros(len(controls)))
         return balanced(body, controls, start, IN_MODES)
@@ -370,8 +380,7 @@ class Actuation:
 
     def changes(self, values: Array, work: Array, state: Balanced) -> Array:
         """Derivatives of the displacement by what is given, (n_actuators, n_nodes, d)."""
-        body = ActuatedModes(self.reduced, work)
-        moved = moved_by(body, self.controls_of(values), state)
+        moved = moved_by(ActuatedModes(self.reduced, work), self.controls_of(values), state)
         return np.tensordot(moved, self.reduced.modes[:, : self.body.equilibrium.nodes], 1)
 
     def _first(self, amplitudes: Array) -> Array:
@@ -401,13 +410,11 @@ class Actuation:
         return RBFInterpolator(at, both, kernel="cubic", degree=degree, smoothing=1e-9)
 
     def _result(self, controls: Sequence[Control], state: Balanced) -> Actuated:
-        quantities = self.reduced.quantities(state.state)
         return Actuated(
             self.body.geometry,
-            self.reduced.displacement(state.state)[: self.body.equilibrium.nodes],
+            self.reduced.displacement(state.state),
             dict(zip(self.names, controls, strict=True)),
             dict(zip(self.names, state.amplitudes.tolist(), strict=True)),
-            dict(zip(self.names, quantities.tolist(), strict=True)),
             state,
         )
 
