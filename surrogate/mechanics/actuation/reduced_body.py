@@ -31,9 +31,9 @@ from surrogate.mechanics.solids.mixed_elements import TaylorHoodSolid
 from surrogate.mechanics.solids.solid import Solid
 
 Array = NDArray[np.float64]
-LEFT_OUT = 5e-5  # of the states' square, at most, that modes leave out
+LEFT_OUT = 3e-5  # of the states' square, at most, that modes leave out
 MOST_MODES = 60
-CELLS_OF_A_MODE = 4  # at most
+CELLS_OF_A_MODE = 5  # at most
 STATES = 64  # of the fit of the weights, at most
 EQUATIONS = 12  # of the fit of the weights, of every cell
 
