@@ -76,6 +76,7 @@ import sys
 import numpy as np
 from mpi4py import MPI
 from datagen.mesh.distributed_mesh import distributed
+from shared_schema.common.bodies.following_loads import PressedSurface
 from shared_schema.common.bodies.groups import RawMesh
 from datagen.output.cell_stresses import CellStresses
 from datagen.solver.equilibrium import EquilibriumProblem
@@ -89,7 +90,7 @@ for path in sys.argv[1:]:
     material = NeoHookean(young_modulus=500, poisson_ratio=float(body["ratio"]))
     mesh = distributed(RawMesh(body["x"], body["cells"], str(body["cell_type"])), MPI.COMM_SELF)
     problem = EquilibriumProblem(mesh, material, body["held"], settings,
-                                 str(body["element"]), surfaces=[body["pressed"]])
+                                 str(body["element"]), following=[PressedSurface(body["pressed"])])
     nodes = np.flatnonzero(body["force"].any(axis=1))
     load = nodes, body["force"][nodes], settings, np.array([float(body["pressure"])])
     assert solve_load_case(problem, *load, between=body["between"]).solved

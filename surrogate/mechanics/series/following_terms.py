@@ -117,8 +117,9 @@ class FollowingTerms(nn.Module):
     def works(self, amplitudes: Tensor, u: Sequence[Tensor]) -> Works:
         """Works in J of the forces on n terms, at all their combinations."""
         n = len(u)
-        pressed = u[0].new_zeros(len(u[0]), n + 1, n + 1, n)
-        if self.facets is not None:
+        if self.facets is None:
+            pressed = u[0].new_zeros(u[0].shape[0], n + 1, n + 1, n)
+        else:
             pressed = self.facets.works(amplitudes, u)
         if self.legs is None:
             return Works(pressed)
@@ -176,7 +177,7 @@ class CableLegs(nn.Module):
         unit = (torch.stack(inverse[::-1], 2)[..., None] * e).sum(2)
         pulls = -self.of_legs(amplitudes)[..., None] * unit
         sums: Tensor = self.sums(pulls.transpose(0, 1).flatten(1))
-        return sums.reshape(len(sums), len(pulls), -1).transpose(0, 1)
+        return sums.reshape(sums.shape[0], pulls.shape[0], -1).transpose(0, 1)
 
 
 class PressedFacets(nn.Module):
