@@ -76,6 +76,7 @@ import sys
 import numpy as np
 from mpi4py import MPI
 from datagen.mesh.distributed_mesh import distributed
+from shared_schema.actuators import Control
 from shared_schema.common.bodies.following_loads import PressedSurface
 from shared_schema.common.bodies.groups import RawMesh
 from datagen.output.cell_stresses import CellStresses
@@ -92,7 +93,8 @@ for path in sys.argv[1:]:
     problem = EquilibriumProblem(mesh, material, body["held"], settings,
                                  str(body["element"]), following=[PressedSurface(body["pressed"])])
     nodes = np.flatnonzero(body["force"].any(axis=1))
-    load = nodes, body["force"][nodes], settings, np.array([float(body["pressure"])])
+    push = Control("pressure", float(body["pressure"]), 1.0)
+    load = nodes, body["force"][nodes], settings, [push]
     assert solve_load_case(problem, *load, between=body["between"]).solved
     body |= CellStresses(problem, [material], None).fields()
     np.savez(path, u=problem.displacement(), reactions=problem.reactions(), **body)
