@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from surrogate.learning.runs.config_reader import config_keys, config_schema, read_config
     from surrogate.learning.runs.shelf import config_list, shelve, shelved, trained_list
     from surrogate.learning.training.loop import train
-    from surrogate.mechanics.actuation.actuation import Actuated, Actuation
+    from surrogate.mechanics.actuation.actuation import ActuatedState, Actuation
     from surrogate.mechanics.descent.aim import UnreachedToleranceWarning
     from surrogate.mechanics.identification.identification import Identification, identify
     from surrogate.mechanics.identification.markers import Markers
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
 __version__ = "0.2.0"
 __all__ = [
-    "Actuated",
+    "ActuatedState",
     "Actuation",
     "Comparison",
     "Dataset",

@@ -49,6 +49,7 @@ class Equation(NamedTuple):
     value: float
     by_amplitude: float
     by_quantity: float
+    by_given: float
 
 
 @dataclass(frozen=True)
@@ -111,11 +112,16 @@ class Control:
             amount = (self.ambient + target) * self.rest
             scale = max(self.ambient, abs(self.value), 1e-300) * self.rest
             whole = self.ambient + amplitude
-            return Equation((whole * quantity - amount) / scale, quantity / scale, whole / scale)
+            value = (whole * quantity - amount) / scale
+            by_given = -load_factor * self.rest / scale
+            return Equation(value, quantity / scale, whole / scale, by_given)
         taut = amplitude + stiffness * (quantity - target) > 0
         if self.kind == "volume" or (self.kind == "length" and taut):
-            return Equation((quantity - target) / self.rest, 0.0, 1 / self.rest)
-        return Equation(amplitude - (target if self.gives_amplitude else 0.0), 1.0, 0.0)
+            value = (quantity - target) / self.rest
+            return Equation(value, 0.0, 1 / self.rest, -load_factor / self.rest)
+        if self.gives_amplitude:
+            return Equation(amplitude - target, 1.0, 0.0, -load_factor)
+        return Equation(amplitude, 1.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)

@@ -114,9 +114,10 @@ def test_laws_of_control() -> None:
     assert blown.equation(0.5, 5e3, 3.0).value == pytest.approx(0.0)  # half of it, at rest
     cable = Control("length", 0.9, rest=1.0)
     assert cable.equation(1.0, 2.0, 0.95).value == pytest.approx(0.05)
-    assert cable.equation(1.0, 0.0, 0.8) == (0.0, 1.0, 0.0)
+    assert cable.equation(1.0, 0.0, 0.8) == (0.0, 1.0, 0.0, 0.0)
     assert cable.target(0.5) == pytest.approx(0.95)
-    assert Control("volume", 4.0, rest=2.0).equation(0.5, 7.0, 3.0) == (0.0, 0.0, 0.5)
+    fluid = Control("volume", 4.0, rest=2.0)
+    assert fluid.equation(0.5, 7.0, 3.0) == (0.0, 0.0, 0.5, -0.25)
     assert Control("tension", 4.0, rest=2.0).equation(0.5, 3.0, 3.0).value == 1.0
     h = 1e-6
     value = blown.equation(1.0, 2e4, 2.0)

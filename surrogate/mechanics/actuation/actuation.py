@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import RBFInterpolator
 from scipy.stats.qmc import Halton
 
-from shared_schema.actuators import KINDS, Control, PlacedActuators
+from shared_schema.actuators import Control, PlacedActuators
 from shared_schema.common.errors import InputError, WorkError
 from shared_schema.common.progress import Progress
 from shared_schema.common.solution_file import write_solution
@@ -52,7 +52,7 @@ Given = Mapping[str, float] | Sequence[str]
 
 
 @dataclass(frozen=True)
-class Actuated:
+class ActuatedState:
     """A body in equilibrium under its actuators.
 
     Attributes
@@ -107,17 +107,11 @@ class Actuated:
 
     def lines(self) -> list[str]:
         """Describe what is given and found of every actuator, in a line each."""
-        actuators, found, quantities = self.geometry.actuators, list[str](), self.quantities
+        actuators = self.geometry.actuators
         assert actuators is not None
-        for name, kind in zip(actuators.names, actuators.kinds, strict=True):
-            is_cable = KINDS[kind][1] == "cable"
-            amplitude, quantity = self.amplitudes[name], quantities[name]
-            found.append(
-                f"{name}: tension {amplitude:.4g} N, length {quantity:.6g} m"
-                if is_cable
-                else f"{name}: pressure {amplitude:.4g} Pa, volume {quantity:.6g} m³"
-            )
-        return found
+        each = np.array([list(self.amplitudes.values()), list(self.quantities.values())]).T
+        found = actuators.found(each)
+        return [f"{name}: {each.written(self.geometry.units)}" for name, each in found.items()]
 
 
 class Actuation:
@@ -247,8 +241,8 @@ class Actuation:
         return self.actuators.names
 
     def at(
-        self, given: Given = (), load: str | Sequence[str] = (), start: Actuated | None = None
-    ) -> Actuated:
+        self, given: Given = (), load: str | Sequence[str] = (), start: ActuatedState | None = None
+    ) -> ActuatedState:
         """Find the equilibrium under actuators.
 
         Parameters
@@ -258,7 +252,7 @@ class Actuation:
             ``--actuate`` has it; others do nothing.
         load : str or sequence of str
             Dead load, as ``--load`` has it.
-        start : Actuated, optional
+        start : ActuatedState, optional
             A state nearby.
 
         Raises
@@ -281,8 +275,8 @@ class Actuation:
         within: Mapping[str, tuple[float, float]] | None = None,
         load: str | Sequence[str] = (),
         effort: float = EFFORT,
-        start: Actuated | None = None,
-    ) -> Actuated:
+        start: ActuatedState | None = None,
+    ) -> ActuatedState:
         """Find what is to be given of the actuators to reach targets, or to come near to them.
 
         Parameters
@@ -297,13 +291,13 @@ class Actuation:
             Dead load that acts as well.
         effort : float
             ε.
-        start : Actuated, optional
+        start : ActuatedState, optional
             Where the search begins, under what the case gives of the actuators; at rest by default.
 
         Returns
         -------
-        Actuated
-            `Actuated.missed` says how far the places are from the targets.
+        ActuatedState
+            `ActuatedState.missed` says how far the places are from the targets.
 
         Raises
         ------
@@ -321,7 +315,7 @@ class Actuation:
             values, state = search.found(before, start.state)
         return replace(self._result(self.controls_of(values), state), missed=search.missed(state))
 
-    def confirmed(self, found: Actuated, load: str | Sequence[str] = ()) -> Actuated:
+    def confirmed(self, found: ActuatedState, load: str | Sequence[str] = ()) -> ActuatedState:
         """The equilibrium of the finite elements under what is given; WorkError if none is."""
         body = self.body.equilibrium
         (force,) = body.forces_at_points(Load.of(self.body.geometry, load).dead[None])
@@ -362,15 +356,14 @@ class Actuation:
         """The equilibrium in modes; WorkError if there is none."""
         measures = not all(control.gives_amplitude for control in controls)
         body = ActuatedModes(self.reduced, work, measures, self._tangent)
-        if start is None and not measures:
+        if not measures:
             amplitudes = np.array([control.value for control in controls])
-            start = Balanced(self._first(amplitudes), amplitudes)
-        elif start is not None and not measures:
-            amplitudes = np.array([control.value for control in controls])
-            moved = self._first(amplitudes) - self._first(start.amplitudes)
-            start = Balanced(start.state + moved, amplitudes)
+            first = self._first(amplitudes)
+            if start is not None:
+                first = start.state + first - self._first(start.amplitudes)
+            start = Balanced(first, amplitudes)
         elif start is None:
-            start = Balanced(np.zeros(len(self.reduced.modes)), np.zeros(len(controls)))
+            start = Balanced(np.zeros(self._modes), np.zeros(len(controls)))
         return balanced(body, controls, start, IN_MODES)
 
     def positions(self, state: Balanced) -> Array:
@@ -409,8 +402,8 @@ class Actuation:
         both = np.concatenate([self.coefficients, tangents], axis=1)
         return RBFInterpolator(at, both, kernel="cubic", degree=degree, smoothing=1e-9)
 
-    def _result(self, controls: Sequence[Control], state: Balanced) -> Actuated:
-        return Actuated(
+    def _result(self, controls: Sequence[Control], state: Balanced) -> ActuatedState:
+        return ActuatedState(
             self.body.geometry,
             self.reduced.displacement(state.state),
             dict(zip(self.names, controls, strict=True)),

@@ -12,13 +12,12 @@ of the displacement under fixed amplitudes, and the responses to the units besid
    \Big(\frac{∂h}{∂q} (± G)^T K^{-1} G + \frac{∂h}{∂a}\Big) δa
    = -h + \frac{∂h}{∂q} (± G)^T K^{-1} r.
 
-The equations hold for a body and for its modes alike: what they need is `Actuated`.
+The equations hold for a body and for its modes alike: what they need is `BorderedBody`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -53,7 +52,7 @@ class Residual(NamedTuple):
     quantities: Array
 
 
-class Actuated(Protocol):
+class BorderedBody(Protocol):
     """A body under actuators, in n unknowns."""
 
     @property
@@ -88,7 +87,7 @@ class Balanced(NamedTuple):
 
 
 def balanced(
-    body: Actuated, controls: Sequence[Control], start: Balanced, tolerance: float = SETTLED
+    body: BorderedBody, controls: Sequence[Control], start: Balanced, tolerance: float = SETTLED
 ) -> Balanced:
     """Find the equilibrium under given controls, from one nearby or from the body at rest.
 
@@ -117,7 +116,7 @@ def balanced(
 
 
 def newton(
-    body: Actuated, controls: Sequence[Control], part: float, start: Balanced, tolerance: float
+    body: BorderedBody, controls: Sequence[Control], part: float, start: Balanced, tolerance: float
 ) -> Balanced | None:
     """Newton's method at a load factor; None if it does not settle."""
     state, amplitudes = start
@@ -148,7 +147,7 @@ def newton(
 
 
 def _step(
-    body: Actuated,
+    body: BorderedBody,
     solve: Callable[[Array], Array],
     controls: Sequence[Control],
     part: float,
@@ -160,16 +159,17 @@ def _step(
         return Balanced(-solve(residual.forces[None])[0], np.zeros_like(amplitudes))
     each = zip(controls, amplitudes, residual.quantities, strict=True)
     rows = np.array([c.equation(part, float(a), float(q), STIFF) for c, a, q in each])
-    value, by_amplitude, by_quantity = rows.T
-    back, *moved = solve(np.concatenate([residual.forces[None], residual.units]))
+    value, by_amplitude, by_quantity, _ = rows.T
+    responses = solve(np.concatenate([residual.forces[None], residual.units]))
+    back, moved = responses[0], responses[1:]
     of_quantities = (body.signs * by_quantity)[:, None] * residual.units
-    matrix = of_quantities @ np.array(moved).T + np.diag(by_amplitude)
+    matrix = of_quantities @ moved.T + np.diag(by_amplitude)
     change = np.linalg.solve(matrix, of_quantities @ back - value)
-    return Balanced(change @ np.array(moved) - back, change)
+    return Balanced(change @ moved - back, change)
 
 
 def _damped(
-    body: Actuated,
+    body: BorderedBody,
     solve: Callable[[Array], Array],
     controls: Sequence[Control],
     part: float,
@@ -194,20 +194,14 @@ def _damped(
     return None
 
 
-def moved_by(body: Actuated, controls: Sequence[Control], at: Balanced) -> Array:
+def moved_by(body: BorderedBody, controls: Sequence[Control], at: Balanced) -> Array:
     """Derivatives of a state in equilibrium by what is given of each actuator: (n_units, n)."""
     residual = body.residual(*at)
     assert residual is not None
-    moved = np.array(body.inverse_at(*at)(residual.units))
-    rows, by_given = [], []
-    for control, a, q in zip(controls, at.amplitudes, residual.quantities, strict=True):
-        here = control.equation(1.0, float(a), float(q), STIFF)
-        change = 1e-6 * max(abs(control.value), control.rest if control.value == 0 else 0.0)
-        other = replace(control, value=control.value + change)
-        there = other.equation(1.0, float(a), float(q), STIFF)  # h is linear in what is given
-        rows.append(here)
-        by_given.append((there.value - here.value) / change)
-    _, by_amplitude, by_quantity = np.array(rows).T
+    moved = body.inverse_at(*at)(residual.units)
+    each = zip(controls, at.amplitudes, residual.quantities, strict=True)
+    rows = np.array([c.equation(1.0, float(a), float(q), STIFF) for c, a, q in each])
+    _, by_amplitude, by_quantity, by_given = rows.T
     of_quantities = (body.signs * by_quantity)[:, None] * residual.units
     matrix = of_quantities @ moved.T + np.diag(by_amplitude)
     changes = np.linalg.solve(matrix, -np.diag(by_given))

@@ -95,7 +95,7 @@ class ReducedBody:
         self._pressed, self._cables = self._works_of_units()
 
     def displacement(self, q: Array) -> Array:
-        """U of all points in m: (n_modes,) → (n_points, d)."""
+        """Displacement of all points in m: (n_modes,) → (n_points, d)."""
         return np.tensordot(q, self.modes, 1)
 
     def works_of(self, forces: Array) -> Array:
