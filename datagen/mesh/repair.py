@@ -7,7 +7,9 @@ bodies that overlap are one. Two runs lay other triangles; therefore the surface
 
 from __future__ import annotations
 
+from contextlib import chdir
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -67,9 +69,10 @@ def repair(surface: Path | str, out: Path | str, *, size: float | None = None) -
     edge = COARSE if size is None else size / float(np.linalg.norm(np.ptp(points, axis=0)))
     if not 0 < edge <= 1:
         raise InputError(f"size {size:g}: expected more than 0, at most the diagonal", "size")
-    at, cells = tetrahedralize(
-        points, triangles.astype(np.int32), edge_length_fac=edge, epsilon=MOVED * edge
-    )
+    with TemporaryDirectory() as folder, chdir(folder):  # fTetWild leaves files where it runs
+        at, cells = tetrahedralize(
+            points, triangles.astype(np.int32), edge_length_fac=edge, epsilon=MOVED * edge
+        )
     if not len(cells):
         raise InputError(f"{path}: its triangles enclose nothing")
     at = at.astype(np.float32)  # as STL has it
