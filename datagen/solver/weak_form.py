@@ -55,6 +55,8 @@ from datagen.solver.strain_energy import (
 )
 from shared_schema.materials import Material
 
+NO_MODULI = "group", "density", "fibres"  # keys of a material that no energy depends on
+
 
 @dataclass(frozen=True)
 class Moduli:
@@ -223,7 +225,7 @@ def of_one_model(materials: Sequence[Material], fibres: FibreField | None = None
         (
             type(each),
             0 if fibres is None else fibres.counts[number],
-            *((k, v) for k, v in each if not isinstance(v, float) and k not in ("group", "fibres")),
+            *((k, v) for k, v in each if not isinstance(v, float) and k not in NO_MODULI),
         )
         for number, each in enumerate(materials)
     }

@@ -339,6 +339,7 @@ def _derivatives(families: int) -> tuple[Array, Array]:
 
 
 LARGEST_MODULUS = 1e18  # Pa
+LARGEST_DENSITY = 1e12  # kg/m³
 
 
 class Material(Frozen, ABC):
@@ -350,10 +351,13 @@ class Material(Frozen, ABC):
         Name of the model, or ``FILE.py:ClassName`` of a user's own one.
     group : str or None
         Physical group of the cells that are of this material, if a body has several.
+    density : float or None
+        Mass of the undeformed body over its volume in kg/m³, which motion needs.
     """
 
     model: str
     group: str | None = Field(None, min_length=1, exclude_if=absent)
+    density: float | None = Field(None, gt=0, le=LARGEST_DENSITY, exclude_if=absent)
 
     @abstractmethod
     def energy(self, c: Invariants, of: Functions) -> Scalar:
@@ -401,7 +405,7 @@ class Material(Frozen, ABC):
         except (ArithmeticError, ValueError) as error:
             problem = f"energy: {first_line(error)}"
         if problem is not None:
-            known = {"model", "model_sha256", "group", "recorded"}
+            known = {"model", "model_sha256", "group", "density", "recorded"}
             keys = ", ".join(f"{key} = {value}" for key, value in self if key not in known)
             raise ValueError(f"key 'model' = '{self.model}': {problem} ({keys})")
         return self

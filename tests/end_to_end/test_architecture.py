@@ -36,7 +36,7 @@ LAYERS = {  # packages and root modules; imports go downwards, or anywhere insid
         ["own_class"],
         ["materials", "tools", "points_in_cells", "layout", "manifest"],
         ["shard", "content_problems"],
-        ["actuators", "grid", "stiffness", "load_cases"],
+        ["actuators", "grid", "motion", "stiffness", "load_cases"],
         ["checker", "dataset_reader", "loads"],
         ["samples"],
     ],
