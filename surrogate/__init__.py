@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from surrogate.learning.runs.shelf import config_list, shelve, shelved, trained_list
     from surrogate.learning.training.loop import train
     from surrogate.mechanics.actuation.actuation import ActuatedState, Actuation
+    from surrogate.mechanics.actuation.controller import ControlFrame, Controller
     from surrogate.mechanics.descent.aim import UnreachedToleranceWarning
     from surrogate.mechanics.identification.identification import Identification, identify
     from surrogate.mechanics.identification.markers import Markers
@@ -48,6 +49,8 @@ __all__ = [
     "ActuatedState",
     "Actuation",
     "Comparison",
+    "ControlFrame",
+    "Controller",
     "Dataset",
     "Evaluation",
     "Grip",

@@ -12,7 +12,6 @@ from surrogate.command_options import positive, whole
 if TYPE_CHECKING:
     from surrogate.mechanics.actuation.actuation import Actuation
 
-REACHED = 5e-3  # of the size of the body
 BODY = "folder of a body with actuators (datagen body, or a dataset), or a run folder"
 GIVEN = (
     "what is given of an actuator, in the unit that the case has for it, or as NAME.KIND=VALUE "
@@ -61,6 +60,7 @@ def run(options: argparse.Namespace) -> None:
     from shared_schema.common.errors import InputError
     from shared_schema.common.files import require_writable
     from shared_schema.common.solution_file import require_suffix
+    from surrogate.mechanics.actuation.targets import REACHED
 
     if options.out is not None:
         require_suffix(options.out)

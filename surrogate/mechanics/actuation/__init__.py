@@ -8,5 +8,8 @@ file             content
 `actuated_body`  what it needs, of a body and of its modes
 `targets`        which values of actuators reach targets
 `actuation`      actuators of a body, forward and inverse
+`drifting_body`  a body that is stiffer than its model, under unknown loads
+`seen_state`     what markers tell of it, frame by frame
+`controller`     a loop from markers to actuations
 ===============  ============================================================
 """

@@ -194,15 +194,24 @@ def _damped(
     return None
 
 
-def moved_by(body: BorderedBody, controls: Sequence[Control], at: Balanced) -> Array:
-    """Derivatives of a state in equilibrium by what is given of each actuator: (n_units, n)."""
+def moved_by(
+    body: BorderedBody, controls: Sequence[Control], at: Balanced, forces: Array | None = None
+) -> Array:
+    """Derivatives of a state in equilibrium by what is given of each actuator: (n_units, n).
+
+    With dead forces, (m, n), also by factors on each: (n_units + m, n).
+    """
     residual = body.residual(*at)
     assert residual is not None
-    moved = body.inverse_at(*at)(residual.units)
+    dead = np.zeros((0, len(at.state))) if forces is None else forces
+    moved = body.inverse_at(*at)(np.concatenate([residual.units, dead]))
+    count = len(residual.units)
     each = zip(controls, at.amplitudes, residual.quantities, strict=True)
     rows = np.array([c.equation(1.0, float(a), float(q), STIFF) for c, a, q in each])
     _, by_amplitude, by_quantity, by_given = rows.T
     of_quantities = (body.signs * by_quantity)[:, None] * residual.units
-    matrix = of_quantities @ moved.T + np.diag(by_amplitude)
-    changes = np.linalg.solve(matrix, -np.diag(by_given))
-    return np.asarray(changes.T @ moved)
+    matrix = of_quantities @ moved[:count].T + np.diag(by_amplitude)
+    right = np.concatenate([-np.diag(by_given), -of_quantities @ moved[count:].T], axis=1)
+    found = np.linalg.solve(matrix, right).T @ moved[:count]
+    found[count:] += moved[count:]
+    return np.asarray(found)

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,7 @@ Array = NDArray[np.float64]
 Values = Mapping[str, Sequence[float]]
 STEPS, SETTLED = 30, 1e-3  # of the search, and the last one over the limits
 SHORTEST = 1 / 32  # of a step
+REACHED = 5e-3  # of the size of the body: as far from a target as it is not missed
 NO_LESS, TINY = 1e-3, 1e-5  # of what is least: a decrease that ends the search
 DIFFERENCE = 1e-6  # of the size of the body: a change for the derivative of a normal
 
@@ -112,6 +113,41 @@ def _vector(option: str, value: Sequence[float], d: int) -> Array:
     return vector
 
 
+class Effort(NamedTuple):
+    """What actuators do, beside the distance from targets.
+
+    Attributes
+    ----------
+    unit, rest : array, (n_actuators,)
+        V and v₀.
+    weight : float
+        ε L in m.
+    """
+
+    unit: Array
+    rest: Array
+    weight: float
+
+    def step(self, slopes: Array, left: Array, values: Array, low: Array, high: Array) -> Array:
+        """The step of Gauss and Newton's method between limits: (n_actuators,).
+
+        Parameters
+        ----------
+        slopes : array, (n, n_actuators)
+            Derivatives of what is left by values over V.
+        left : array, (n,)
+            In m.
+        values, low, high : array, (n_actuators,)
+            Present values, and limits of those after the step.
+        """
+        matrix = np.concatenate([slopes, self.weight * np.eye(len(values))])
+        effort = self.weight * (values - self.rest) / self.unit
+        bounds = (low - values) / self.unit, (high - values) / self.unit
+        bounds = np.minimum(bounds[0], 0), np.maximum(bounds[1], 1e-12)
+        found = lsq_linear(matrix, -np.concatenate([left, effort]), bounds, method="bvls")
+        return np.asarray(self.unit * found.x)
+
+
 class Search:
     """The search for values that reach some targets.
 
@@ -184,19 +220,17 @@ class Search:
         x = self._of.positions(state)
         changes = self._of.changes(values, self._work, state) * self._unit[:, None, None]
         rows = [self._weight(t) * t.slopes(x, changes) for t in self._targets]
-        effort = self._effort * self._size
-        matrix = np.concatenate([*rows, effort * np.eye(len(values))])
-        bounds = (self._low - values) / self._unit, (self._high - values) / self._unit
-        bounds = np.minimum(bounds[0], 0), np.maximum(bounds[1], 1e-12)
-        found = lsq_linear(matrix, -self._left(values, x), bounds, method="bvls")
-        return np.asarray(self._unit * found.x)
+        slopes, left = np.concatenate(rows), self._off(x)
+        effort = Effort(self._unit, self._rest, self._effort * self._size)
+        return effort.step(slopes, left, values, self._low, self._high)
+
+    def _off(self, x: Array) -> Array:
+        return np.concatenate([self._weight(t) * (t.reached(x) - t.value) for t in self._targets])
 
     def _left(self, values: Array, x: Array) -> Array:
         """What is squared."""
-        each = [self._weight(t) * (t.reached(x) - t.value) for t in self._targets]
-        return np.concatenate(
-            [*each, self._effort * self._size * (values - self._rest) / self._unit]
-        )
+        effort = self._effort * self._size * (values - self._rest) / self._unit
+        return np.concatenate([self._off(x), effort])
 
     def _cost(self, values: Array, state: Balanced) -> float:
         return float(np.square(self._left(values, self._of.positions(state))).sum())
