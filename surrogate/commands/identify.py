@@ -11,7 +11,8 @@ from surrogate.command_options import add_device, add_out, add_run, positive, re
 UNKNOWN = (
     "what is sought: forces at a place X,Y[,Z], on a patch X,Y[,Z],R or a group, 'somewhere' on "
     "the surface (one force; 'somewhere,R' within R m, 'somewhere,any' within a radius that is "
-    "sought), 'body-force', 'pressure:GROUP', 'young-modulus', 'young-modulus:GROUP' of a zone; "
+    "sought), 'body-force', 'pressure:GROUP', 'actuator:NAME' (its pressure or tension), "
+    "'young-modulus', 'young-modulus:GROUP' of a zone; "
     "'tool' (--tool says which, and about where); repeatable"
 )
 

@@ -104,6 +104,12 @@ def known_families(case: Mapping[str, Any]) -> frozenset[str]:
     return names if names <= ONE_KIND else frozenset()
 
 
+def only_follows(case: Mapping[str, Any]) -> bool:
+    """Whether the loads of a case are pressures and those of actuators alone."""
+    names = {str(family.get("family")) for family in _families(case)}
+    return names <= {"pressure"} and bool(names or case.get("actuators"))
+
+
 def _families(case: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     families = case.get("load", ())
     return list(families) if isinstance(families, list | tuple) else [families]

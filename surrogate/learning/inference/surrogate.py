@@ -16,6 +16,7 @@ from torch import Tensor
 from shared_schema.common.arguments import checked_arguments, real_numbers
 from shared_schema.common.errors import InputError, WorkError
 from shared_schema.common.progress import Progress
+from surrogate.learning.data.load_range import only_follows
 from surrogate.learning.inference.prediction import Predictor, given_aim
 from surrogate.learning.inference.training_range import TrainingRange
 from surrogate.learning.networks.field_network import FieldNetwork, parameter_count
@@ -113,6 +114,11 @@ class Surrogate(Remade):
     def has_series(self) -> bool:
         """Whether the response of the body is a load series, beyond the linear one."""
         return self.predictor.has_series
+
+    @property
+    def knows_forces(self) -> bool:
+        """Whether it predicts other forces than pressures and those of actuators."""
+        return not (self.description.run.learns and only_follows(self.description.data.case))
 
     def respond(self, loads: Load) -> tuple[Array, Array]:
         """Predict checked loads, as `Predictor.respond`; warns as `predict`."""

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from shared_schema.actuators.control import KINDS, UNITS
 from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.errors import InputError
 from shared_schema.common.solution_file import write_solution
@@ -27,6 +28,7 @@ from surrogate.mechanics.identification.markers import (
 from surrogate.mechanics.identification.responses import moduli_of_zones
 from surrogate.mechanics.identification.search import Finished, MarkerFits
 from surrogate.mechanics.identification.unknowns import (
+    ACTUATOR,
     BODY_FORCE,
     PRESSURE,
     TOOL,
@@ -51,8 +53,8 @@ class Identification:
     Attributes
     ----------
     names : tuple of str
-        Of the parameters: force components in N, body forces in N/m³, pressures and Young's moduli
-        in Pa, how far a tool is from where it was given, in m.
+        Of the parameters: force components and tensions in N, body forces in N/m³, pressures and
+        Young's moduli in Pa, how far a tool is from where it was given, in m.
     values, std, lower, upper : array, (p,)
         Estimates, standard deviations, and ends of intervals of the probability `level`.
     level : float
@@ -108,7 +110,7 @@ class Identification:
         for name, value, low, high in zip(
             self.names, self.values, self.lower, self.upper, strict=True
         ):
-            unit = units.force
+            unit = units.named(self._unit_of_actuator(name))
             if name.startswith(BODY_FORCE):
                 unit = f"{units.force}/{units.length}³"
             elif name.startswith(("young", PRESSURE)):
@@ -130,6 +132,14 @@ class Identification:
                 f", error of the surrogate {units.written(self.surrogate_error)} at the markers"
             )
         return [*found, noise]
+
+    def _unit_of_actuator(self, name: str) -> str:
+        """N of a cable, and of what is no actuator; Pa of a chamber."""
+        placed = self.geometry.actuators
+        if placed is None or not name.startswith(ACTUATOR):
+            return "N"
+        kind = placed.kinds[placed.names.index(name.removeprefix(ACTUATOR))]
+        return UNITS[KINDS[kind][1]][0][1]
 
     def __repr__(self) -> str:
         """Describe the result."""
@@ -177,7 +187,8 @@ def identify(
         At most places on or in the body; some may be wrong.
     unknown : sequence of str
         What is sought: places as loads name them ("4,1", "4,1,0.5,0.2" or a group of the
-        mesh), "pressure:GROUP" (which follows the surface), "somewhere" (one force at an unknown
+        mesh), "pressure:GROUP" (which follows the surface), "actuator:NAME" (the pressure or
+        tension of an actuator of the case), "somewhere" (one force at an unknown
         node of the surface), "somewhere,R" (spread over it within R m of one), "somewhere,any"
         (within a radius that is sought), "body-force",
         "young-modulus" (of a body of one material, beside a known load) and
@@ -236,6 +247,11 @@ def identify(
             raise InputError("confirm: expected without a tool, whose contact is predicted")
         require_outside(tool, geometry.coordinates, geometry.free)
     unknowns = Unknowns.of(geometry, unknown, given, moduli, nearest, tool)
+    if not model.knows_forces and (len(unknowns.patterns) or somewhere or tool):
+        raise InputError(
+            f"unknown: {', '.join(unknown)}: the network was trained on pressures and actuators "
+            "alone, which tell nothing of forces, expected pressure:GROUP or actuator:NAME"
+        )
     count = len(unknowns.names) + geometry.dimension * len(somewhere) + (len(radii) > 1)
     if count >= markers.moved.size:
         raise InputError(

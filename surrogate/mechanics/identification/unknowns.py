@@ -1,15 +1,16 @@
 r"""What is sought: forces at known places, pressures, and Young's modulus.
 
-The load is that of some parameters θ, dead forces f and pressures p that follow the surface,
+The load is that of some parameters θ, dead forces f, and pressures or tensions p that follow the
+body,
 
 .. math::
     f(θ) = \frac{E_0}{E} \Big(f_0 + \sum_k θ_k \, b_k\Big), \qquad
     p(θ) = \frac{E_0}{E} \Big(p_0 + \sum_q θ_q \, e_q\Big), \qquad E = E_0 \, e^{φ},
 
 with known forces :math:`f_0` and pressures :math:`p_0`, unit forces :math:`b_k` along each axis at
-each sought place, unit pressures :math:`e_q`, and Young's modulus :math:`E_0` of the run. Without a
-sought modulus φ = 0. Sought moduli of zones of the body, :math:`E_z = E_{z,0} \, e^{φ_z}`, leave f
-and p as they are.
+each sought place, unit pressures and tensions :math:`e_q`, and Young's modulus :math:`E_0` of the
+run. Without a sought modulus φ = 0. Sought moduli of zones of the body,
+:math:`E_z = E_{z,0} \, e^{φ_z}`, leave f and p as they are.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from numpy.typing import NDArray
 
 from shared_schema.common.bodies.command_loads import CommandLoads
 from shared_schema.common.bodies.equilibrium import mean_edge
+from shared_schema.common.bodies.following_loads import FollowingLoad, PressedSurface
 from shared_schema.common.errors import InputError
 from shared_schema.tools import Tool
 from surrogate.mechanics.body.geometry import Geometry
@@ -37,6 +39,8 @@ ANY = "any"
 LARGEST_PATCH = 0.25  # of the body's length: radius of a force whose radius is sought
 TOOL = "tool"
 PRESSURE = "pressure:"  # of a group
+ACTUATOR = "actuator:"
+FOLLOWING = (PRESSURE, ACTUATOR)
 AXES = "xyz"
 OF_ZONE = f"{YOUNG_MODULUS}:"
 
@@ -54,7 +58,7 @@ class Unknowns:
     patterns : array, (K, n_nodes or n_points, d)
         b_k: 1 N in all, or those of 1 N/m³.
     following : FollowingLoads or None
-        Pressures of 1 + Q cases: p₀, and each e_q of 1 Pa. None if none acts.
+        Amplitudes of 1 + Q cases: p₀, and each e_q of 1 Pa or N. None if none acts.
     moduli : array, (q,)
         E₀ in Pa of every φ that is sought.
     zones : tuple of str
@@ -88,8 +92,8 @@ class Unknowns:
         geometry : Geometry
         texts : sequence of str
             Places as loads name them ("4,1", "4,1,0.2" or a group), "body-force",
-            "pressure:GROUP", "young-modulus", or "young-modulus:GROUP" of zones, and "somewhere"
-            (`radii_of`), which `at` brings in.
+            "pressure:GROUP", "actuator:NAME", "young-modulus", or "young-modulus:GROUP" of zones,
+            and "somewhere" (`radii_of`), which `at` brings in.
         known : CommandLoads
         moduli : array, (q,)
         nearest : bool
@@ -115,7 +119,7 @@ class Unknowns:
         sought: list[str] = []
         patterns: list[Array] = []
         for text in texts:
-            if is_somewhere(text) or is_modulus(text) or text.startswith(PRESSURE):
+            if is_somewhere(text) or is_modulus(text) or text.startswith(FOLLOWING):
                 continue
             require_no_pressure(geometry, text)
             for axis, unit in enumerate(np.eye(geometry.dimension)):
@@ -126,13 +130,13 @@ class Unknowns:
                     load.add(f"{text}:{values}", nearest)
                 sought.append(f"{text} {AXES[axis]}")
                 patterns.append(load.load)
-        zones, following = zones_of(texts), pressures_of(geometry, texts, known)
+        zones, following = zones_of(texts), followers_of(geometry, texts, known)
         if YOUNG_MODULUS in texts and not (known.load.any() or known.surfaces):
             raise InputError(
                 "unknown: young-modulus: displacements tell forces over Young's modulus alone, "
                 "expected a load that is known beside it"
             )
-        sought += [text for text in texts if text.startswith(PRESSURE)]
+        sought += [text for text in texts if text.startswith(FOLLOWING)]
         sought += [text for text in texts if is_modulus(text)]
         if not sought and not any(map(is_somewhere, texts)):
             raise InputError("unknown: nothing is sought, expected a place or young-modulus")
@@ -196,27 +200,41 @@ def zones_of(texts: Sequence[str]) -> tuple[str, ...]:
     return tuple(text.removeprefix(OF_ZONE) for text in texts if text.startswith(OF_ZONE))
 
 
-def pressures_of(
+def followers_of(
     geometry: Geometry, texts: Sequence[str], known: CommandLoads
 ) -> FollowingLoads | None:
-    """Known pressures, and each sought one of 1 Pa, as load cases; None if there are none."""
-    groups = [text.removeprefix(PRESSURE) for text in texts if text.startswith(PRESSURE)]
-    for group in groups:
-        if group not in geometry.groups:
-            names = ", ".join(sorted(geometry.groups)) or "none"
-            raise InputError(
-                f"unknown: {PRESSURE}{group}: expected a group of the mesh, which has {names}"
-            )
-    units = given_load(geometry, [f"{group}:1" for group in groups], needed=False)
-    both = CommandLoads(geometry.loaded_body)
-    both.surfaces = [*known.surfaces, *units.surfaces]
-    both.pressures = [*known.pressures, *units.pressures]
-    found = FollowingLoads.of_load(both)
-    if found is None:
+    """Known pressures, and each sought pressure or tension of 1 Pa or N, as load cases.
+
+    None if there are none.
+    """
+    units: list[FollowingLoad] = [PressedSurface(facets) for facets in known.surfaces]
+    units += [unit_of(geometry, text) for text in texts if text.startswith(FOLLOWING)]
+    if not units:
         return None
-    values = np.eye(1 + len(groups), len(both.pressures), len(known.pressures) - 1)
-    values[0] = [*known.pressures, *(0.0 for _ in groups)]
-    return replace(found, amplitudes=values)
+    count = len(known.pressures)
+    values = np.eye(1 + len(units) - count, len(units), count - 1)
+    values[0] = [*known.pressures, *np.zeros(len(units) - count)]
+    body = geometry.loaded_body
+    return FollowingLoads.on(body.coordinates, units, values, body.points)
+
+
+def unit_of(geometry: Geometry, text: str) -> FollowingLoad:
+    """A sought pressure or tension of 1 Pa or N; InputError if there is no such thing."""
+    name = text.partition(":")[2]
+    placed = geometry.actuators
+    if text.startswith(ACTUATOR):
+        names = () if placed is None else placed.names
+        if placed is None or name not in names:
+            known = ", ".join(names) or "none"
+            raise InputError(
+                f"unknown: {text}: expected an actuator of the case, which has {known}"
+            )
+        return placed.loads[names.index(name)]
+    if name not in geometry.groups:
+        known = ", ".join(sorted(geometry.groups)) or "none"
+        raise InputError(f"unknown: {text}: expected a group of the mesh, which has {known}")
+    (facets,) = given_load(geometry, [f"{name}:1"], needed=False).surfaces
+    return PressedSurface(facets)
 
 
 def is_somewhere(text: str) -> bool:
@@ -269,6 +287,11 @@ def require_no_pressure(geometry: Geometry, text: str) -> None:
         return
     facets = np.sort(geometry.loaded_body.facets_of(text), axis=1)
     corners = facets.shape[1]  # which stand before the other points of a facet
-    pressed = {tuple(sorted(row[:corners])) for surface in geometry.surfaces for row in surface}
-    if any(tuple(row) in pressed for row in facets):
-        raise InputError(f"unknown: {text}: a pressure acts there, expected {PRESSURE}{text}")
+    names = [f"{PRESSURE}{text}"] * len(geometry.surfaces)
+    if geometry.actuators is not None:
+        names += [f"{ACTUATOR}{name}" for name in geometry.actuators.names]
+    for name, unit in zip(names, geometry.following, strict=True):
+        surface = unit.facets if isinstance(unit, PressedSurface) else facets[:0]
+        pressed = {tuple(sorted(row[:corners])) for row in surface}
+        if any(tuple(row) in pressed for row in facets):
+            raise InputError(f"unknown: {text}: a pressure acts there, expected {name}")

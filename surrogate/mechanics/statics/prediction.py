@@ -27,6 +27,10 @@ class Predictor(Protocol):
     def has_series(self) -> bool:
         """Whether predictions are those of a load series, which leave little to correct."""
 
+    @property
+    def knows_forces(self) -> bool:
+        """Whether it predicts other forces than pressures and those of actuators."""
+
     def respond(self, loads: Load) -> tuple[Array, Array]:
         """Predict, and tell what the last term of a load series adds.
 
@@ -66,6 +70,7 @@ class Series:
     """
 
     has_series = True
+    knows_forces = True
 
     def __init__(self, body: Body, order: int = ORDER, terms: BodySeries | None = None) -> None:
         self.body = body

@@ -17,7 +17,10 @@ from shared_schema.common.errors import InputError, WorkError
 from surrogate import Markers, identify
 from surrogate.command_line import main
 from surrogate.mechanics.identification.unknowns import Unknowns
+from surrogate.mechanics.statics.load import Load
+from surrogate.mechanics.statics.prediction import Series
 from tests.surrogate.mechanics.bodies import box
+from tests.surrogate.mechanics.statics.test_cables import pulled
 
 Array = NDArray[np.float64]
 NOISE = 0.004  # m, of a beam of 4 m
@@ -249,3 +252,25 @@ def test_command(
     assert f"error: --markers '{tmp_path / 'none.csv'}': " in capsys.readouterr().err
     with pytest.raises(InputError, match=r"^markers '"):
         identify(beam, tmp_path / "none.csv", ["4,1"])
+
+
+def test_tensions_that_pull_a_body() -> None:
+    """Those of exact markers, of both cables and a force; only actuators of the case are known."""
+    body = pulled("quad", "linear")
+    load = Load.of(body.geometry, ["2,0:0,-1"], actuate={"along": 9.0, "anchored": 3.0})
+    series = Series(body)
+    truth = body.correct(load, series.respond(load)[0]).displacement
+    nodes = body.geometry.surface_nodes
+    at_rest = body.geometry.coordinates[nodes]
+    markers = Markers.of(at_rest, at_rest + truth[nodes])
+    sought = ["actuator:along", "actuator:anchored", "2,0"]
+    found = identify(series, markers, sought, confirm=True)
+    assert found.names == ("2,0 x", "2,0 y", *sought[:2])
+    np.testing.assert_allclose(found.values, (0, -1, 9, 3), atol=1e-3)
+    assert identify(series, markers, sought).values[2] == pytest.approx(9, rel=0.01)
+    assert "actuator:along: 9 N" in found.lines()[2]
+    with pytest.raises(InputError, match=r"actuator:up: expected an actuator .* along, anchored"):
+        identify(series, markers, ["actuator:up"])
+    series.knows_forces = False
+    with pytest.raises(InputError, match="the network was trained on pressures and actuators"):
+        identify(series, markers, sought)
