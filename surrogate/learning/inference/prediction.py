@@ -141,7 +141,7 @@ class Predictor(Remade):
     def _told_apart(self, loads: Array, pressure: ArrayLike | None) -> Load:
         """Dead loads, and pressures that are given or, if they can be, told from the loads."""
         geometry = self.body.geometry
-        if pressure is not None or not geometry.surfaces:
+        if pressure is not None or not geometry.following:
             return Load.told_apart(geometry, loads, pressure)
         of_samples = Load.of_samples(geometry, loads.reshape(-1, *loads.shape[-2:]))
         return replace(of_samples, dead=of_samples.dead.reshape(loads.shape))

@@ -188,7 +188,8 @@ class TrainingRange:
         resultant, limit_of_all = np.einsum("nid->nd", at_some), np.array(self._loads.resultant)
         rounding = ROUNDING * (limit_of_all + np.abs(at_some).sum(axis=(1, 2))[:, None])
         if (np.abs(resultant) > limit_of_all + rounding).any():
-            limit = self._pm(limit_of_all)
+            none = limit_of_all.max() <= ROUNDING * self._limit.max()
+            limit = "0" if none else self._pm(limit_of_all)
             yield "resultant", f"the resultant is beyond that of the training data ({limit})"
 
     def _pm(self, limit: Array) -> str:

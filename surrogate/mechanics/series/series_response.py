@@ -20,7 +20,6 @@ import torch
 from scipy.sparse import csr_array, eye
 from torch import Tensor
 
-from shared_schema.common.bodies.following_loads import PressedSurface
 from shared_schema.materials import Materials
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.equilibrium.compliance import Compliance
@@ -71,7 +70,7 @@ class SeriesResponse(LinearResponse):
             spread = csr_array(eye(len(self.equilibrium.free), self.nodes))
             self.on_points = WeightedSums(spread, torch.float64)  # no forces between the nodes
         self.pressed: PressedLoads | None = None
-        if geometry.surfaces:
+        if geometry.following:
             self.pressed = PressedLoads(geometry, self, self.equilibrium.geometry.coordinates)
         self.on_nodes = self.on_points is None and self.pressed is None
 
@@ -124,6 +123,9 @@ class SeriesResponse(LinearResponse):
 class PressedLoads(torch.nn.Module):
     """Tells pressures that follow the surface from dead loads at the nodes.
 
+    Tensions and pressures of actuators are those that make up the whole load; other loads beside
+    them are dead ones.
+
     Parameters
     ----------
     geometry : Geometry
@@ -134,20 +136,22 @@ class PressedLoads(torch.nn.Module):
     """
 
     areas: Tensor
+    inverse: Tensor
 
     def __init__(
         self, geometry: Geometry, response: LinearResponse, coordinates: np.ndarray
     ) -> None:
         super().__init__()
-        surfaces, count = geometry.surfaces, len(geometry.surfaces)
-        of_surfaces = [PressedSurface(facets) for facets in surfaces]
-        self.units = FollowingTerms(coordinates, of_surfaces)
-        points = geometry.pressed_points
-        units = FollowingLoads.on(geometry.coordinates, of_surfaces, np.eye(count), points)
+        self.units = FollowingTerms(coordinates, geometry.following)
+        units = FollowingLoads.of(geometry, np.eye(len(geometry.following)))
         loads = units.load[:, : len(geometry.coordinates)] * geometry.free
         on_grid = torch.from_numpy(np.stack([geometry.grid.forces_to_grid(f) for f in loads]))
         areas = response.to_nodes(on_grid.flatten(2).float()).double()
         self.register_buffer("areas", areas, persistent=False)
+        self.actuated = geometry.actuators is not None
+        if self.actuated:
+            inverse = torch.linalg.pinv(areas.flatten(1))
+            self.register_buffer("inverse", inverse, persistent=False)
         sizes = areas.square().sum(1)
         touched = sizes > LEAST_AREA**2 * sizes.amax(1, keepdim=True)
         own = touched & (touched.sum(0) == 1)
@@ -158,6 +162,13 @@ class PressedLoads(torch.nn.Module):
 
     def told_apart(self, nodal: Tensor) -> tuple[Tensor, Tensor | None]:
         """Dead loads, and pressures in Pa: (N, d, n_nodes) in N → same, (N, n_surfaces)."""
+        if self.actuated:
+            flat = nodal.flatten(1)
+            amplitudes = flat @ self.inverse
+            rest = (flat - amplitudes @ self.areas.flatten(1)).square().sum(1, keepdim=True)
+            follows = rest <= ROUNDING**2 * flat.square().sum(1, keepdim=True)
+            amplitudes = torch.where(follows, amplitudes, torch.zeros_like(amplitudes))
+            return nodal * ~follows[:, :, None], amplitudes
         if not self.known:
             return nodal, None
         found = []
