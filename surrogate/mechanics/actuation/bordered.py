@@ -194,19 +194,46 @@ def _damped(
     return None
 
 
-def moved_by(
-    body: BorderedBody, controls: Sequence[Control], at: Balanced, forces: Array | None = None
-) -> Array:
-    """Derivatives of a state in equilibrium by what is given of each actuator: (n_units, n).
+def moved_by(body: BorderedBody, controls: Sequence[Control], at: Balanced) -> Array:
+    """Derivatives of a state in equilibrium by what is given of each actuator: (n_units, n)."""
+    return followed(body, controls, at, np.zeros((0, len(at.state))))[1]
 
-    With dead forces, (m, n), also by factors on each: (n_units + m, n).
+
+def followed(
+    body: BorderedBody, controls: Sequence[Control], near: Balanced, forces: Array
+) -> tuple[Balanced, Array]:
+    """A step of Newton's method from nearby, and derivatives of the state, by one tangent.
+
+    Parameters
+    ----------
+    body, controls
+    near : Balanced
+        A state close to the equilibrium.
+    forces : array, (m, n)
+        Dead forces.
+
+    Returns
+    -------
+    Balanced
+        After the step.
+    array, (n_units + m, n)
+        Derivatives by what is given of each actuator, and by factors on the forces.
+
+    Raises
+    ------
+    WorkError
+        If a cell is inverted there.
     """
-    residual = body.residual(*at)
-    assert residual is not None
-    dead = np.zeros((0, len(at.state))) if forces is None else forces
-    moved = body.inverse_at(*at)(np.concatenate([residual.units, dead]))
-    count = len(residual.units)
-    each = zip(controls, at.amplitudes, residual.quantities, strict=True)
+    state, amplitudes = near
+    if all(control.gives_amplitude for control in controls):
+        amplitudes = np.array([control.value for control in controls])
+    residual = body.residual(state, amplitudes)
+    if residual is None:
+        raise WorkError("a cell is inverted")
+    solve = body.inverse_at(state, amplitudes)
+    step = _step(body, solve, controls, 1.0, residual, amplitudes)
+    moved, count = solve(np.concatenate([residual.units, forces])), len(amplitudes)
+    each = zip(controls, amplitudes, residual.quantities, strict=True)
     rows = np.array([c.equation(1.0, float(a), float(q), STIFF) for c, a, q in each])
     _, by_amplitude, by_quantity, by_given = rows.T
     of_quantities = (body.signs * by_quantity)[:, None] * residual.units
@@ -214,4 +241,4 @@ def moved_by(
     right = np.concatenate([-np.diag(by_given), -of_quantities @ moved[count:].T], axis=1)
     found = np.linalg.solve(matrix, right).T @ moved[:count]
     found[count:] += moved[count:]
-    return np.asarray(found)
+    return Balanced(state + step.state, amplitudes + step.amplitudes), np.asarray(found)

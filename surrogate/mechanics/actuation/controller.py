@@ -143,8 +143,8 @@ class Controller:
         beside = BESIDE * np.sqrt(np.square(actuation.coefficients).mean(axis=0))
         self._known = Estimate.of(np.concatenate([[STIFFNESS], np.ones(len(loads)), beside]))
         self._values = np.clip(rest, self._low, self._high)
-        self._state = self._body.balanced(self._values, self._parameters, None)
-        self._at = self._state.state
+        self._last = self._next = self._body.at(self._values, self._parameters)
+        self._at = self._last.state
 
     @property
     def given(self) -> dict[str, float]:
@@ -183,13 +183,13 @@ class Controller:
             return self._frame(aims, unseen, "no marker is seen: the last actuations stay")
         given = self._values, self._parameters
         try:
-            self._state = self._body.balanced(*given, self._state)
-            by_given, by_parameters = self._body.slopes(*given, self._state)
+            self._last, by_given, by_parameters = self._body.followed(*given, self._next)
         except WorkError:
             self._known = replace(self._known, values=self._known.values / 2)
+            self._next = self._last
             said = "the model has no equilibrium: the last actuations stay"
             return self._frame(aims, unseen, said)
-        self._learn(seen, there, by_parameters)
+        change = self._learned(seen, there, by_parameters)
         frame = self._frame(aims, unseen)
         x, unit = self._of.body.geometry.coordinates + frame.displacement, self._effort.unit
         changes = np.tensordot(by_given * unit[:, None], self._modes, 1)
@@ -199,6 +199,8 @@ class Controller:
         left = (frame.places - aims).ravel()
         step = self._effort.step(slopes, left, self._values, low, high)
         self._values = np.clip(self._values + step, low, high)
+        moved = self._last.state + change @ by_parameters + step @ by_given
+        self._next = self._last._replace(state=moved)
         stays = (np.abs(step) <= SETTLED * unit).all()
         far = frame.missed > REACHED * self._of.size
         said = "the target is out of reach of the actuators" if stays and far else ""
@@ -209,11 +211,11 @@ class Controller:
         """φ and w."""
         return self._known.values[: -len(self._modes)]
 
-    def _learn(self, seen: Array, there: NDArray[np.bool_], by_parameters: Array) -> None:
-        """Take in where the markers are, (m, d) in m, and where the body is with them."""
+    def _learned(self, seen: Array, there: NDArray[np.bool_], by_parameters: Array) -> Array:
+        """Take in where the markers are, (m, d) in m: changes of φ and w."""
         before = self._known.values
         of_modes = np.concatenate([by_parameters, np.eye(len(self._modes))])
-        at = self._state.state + before[-len(self._modes) :]
+        at = self._last.state + before[-len(self._modes) :]
         expected = self._at_rest + np.tensordot(at, self._at_markers, 1)
         left = (seen - expected)[there].ravel()
         slopes = np.tensordot(of_modes, self._at_markers[:, there], 1)
@@ -222,6 +224,7 @@ class Controller:
         self._known = known
         change = known.values - before
         self._at = at + change @ of_modes
+        return change[: len(by_parameters)]
 
     def _frame(self, aims: Array, unseen: int, warning: str = "") -> ControlFrame:
         displacement = np.tensordot(self._at, self._modes, 1)

@@ -6,7 +6,7 @@ The equilibrium of a body whose elements are all stiffer is that of the model un
 .. math:: q = q\big(e^{-φ} a, \; e^{-φ} (f_0 + \sum_j w_j f_j)\big)
 
 with tensions and pressures a; lengths and volumes that are given stay. The derivatives by them, φ
-and w are those of `moved_by`.
+and w are those of `followed`.
 """
 
 from __future__ import annotations
@@ -20,10 +20,11 @@ from numpy.typing import NDArray
 from shared_schema.actuators import Control
 from shared_schema.common.errors import InputError
 from surrogate.mechanics.actuation.actuated_body import ActuatedModes
-from surrogate.mechanics.actuation.actuation import Actuation
-from surrogate.mechanics.actuation.bordered import Balanced, moved_by
+from surrogate.mechanics.actuation.actuation import IN_MODES, Actuation
+from surrogate.mechanics.actuation.bordered import Balanced, balanced, followed
 
 Array = NDArray[np.float64]
+LONG = 0.05  # of the sampled states: a step of Newton's method after which more follow
 
 
 class DriftingBody:
@@ -48,10 +49,11 @@ class DriftingBody:
         always = actuation.work(())
         each = [actuation.work([text]) - always for text in loads]
         self._works = np.array([always, *each])
+        self._usual = float(np.sqrt(np.square(actuation.coefficients).sum(axis=1).mean()))
         self._scales = np.array([control.gives_amplitude for control in self._controls])
 
-    def balanced(self, values: Array, parameters: Array, start: Balanced | None) -> Balanced:
-        """The equilibrium in modes; WorkError if there is none.
+    def at(self, values: Array, parameters: Array) -> Balanced:
+        """The equilibrium in modes, from rest; WorkError if there is none.
 
         Parameters
         ----------
@@ -59,34 +61,49 @@ class DriftingBody:
             What is given, in the unit of each kind.
         parameters : array, (1 + n_loads,)
             φ and w.
-        start : Balanced or None
-            An equilibrium nearby.
         """
-        return self._of.balanced(*self._under(values, parameters), start)
+        body, controls = self._under(values, parameters)
+        rest = Balanced(np.zeros(len(self._of.reduced.modes)), np.zeros(len(controls)))
+        return balanced(body, controls, rest)
 
-    def slopes(self, values: Array, parameters: Array, state: Balanced) -> tuple[Array, Array]:
-        """Derivatives of modes by what is given, and by φ and w.
+    def followed(
+        self, values: Array, parameters: Array, near: Balanced
+    ) -> tuple[Balanced, Array, Array]:
+        """The equilibrium close to a state, to one step of Newton's method, and its derivatives.
+
+        After a long step, more of them follow.
 
         Returns
         -------
+        Balanced
         array, (n_actuators, n_modes) and array, (1 + n_loads, n_modes)
+            Derivatives of the modes by what is given, and by φ and w.
+
+        Raises
+        ------
+        WorkError
+            If there is no equilibrium.
         """
-        controls, work = self._under(values, parameters)
-        body = ActuatedModes(self._of.reduced, work, not self._scales.all())
-        moved = moved_by(body, controls, state, self._works)
+        body, controls = self._under(values, parameters)
+        state, moved = followed(body, controls, near, self._works)
+        if np.linalg.norm(state.state - near.state) > LONG * self._usual:
+            state = balanced(body, controls, near, IN_MODES)
+            state, moved = followed(body, controls, state, self._works)
         softer, count = np.exp(-parameters[0]), len(values)
         by_given = moved[:count] * np.where(self._scales, softer, 1.0)[:, None]
         by_force = softer * moved[count:]
-        by_stiffness = (self._scales * values) @ by_given + self._factors(parameters) @ by_force
-        return by_given, np.concatenate([-by_stiffness[None], by_force[1:]])
+        by_stiffness = (self._scales * values) @ by_given + _factors(parameters) @ by_force
+        return state, by_given, np.concatenate([-by_stiffness[None], by_force[1:]])
 
-    def _under(self, values: Array, parameters: Array) -> tuple[tuple[Control, ...], Array]:
-        """Controls, and the work of dead loads in J, that do to the model what acts on the body."""
+    def _under(self, values: Array, parameters: Array) -> tuple[ActuatedModes, tuple[Control, ...]]:
+        """What does to the model what acts on the body."""
         softer = float(np.exp(-parameters[0]))
         scaled = np.where(self._scales, softer * values, values)
         each = zip(self._controls, scaled, strict=True)
         controls = tuple(replace(control, value=float(value)) for control, value in each)
-        return controls, softer * self._factors(parameters) @ self._works
+        work = softer * _factors(parameters) @ self._works
+        return ActuatedModes(self._of.reduced, work, not self._scales.all()), controls
 
-    def _factors(self, parameters: Array) -> Array:
-        return np.append(1.0, parameters[1:])
+
+def _factors(parameters: Array) -> Array:
+    return np.append(1.0, parameters[1:])

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from shared_schema.common.errors import InputError, WorkError
 from surrogate.mechanics.actuation.actuation import Actuation
-from surrogate.mechanics.actuation.bordered import Balanced
 from surrogate.mechanics.actuation.controller import ControlFrame, Controller
 from surrogate.mechanics.actuation.drifting_body import DriftingBody
 from surrogate.mechanics.actuation.seen_state import Estimate
@@ -92,15 +91,14 @@ def test_slopes_of_a_drifting_body_are_derivatives(plant: Plant) -> None:
     body, parameters = DriftingBody(plant.model, ["2,0:0,-0.5"]), np.array([-0.2, 0.7])
     both, h = np.array([9.0, 3.0, *parameters]), 1e-3
 
-    def at(change: Array) -> Balanced:
-        state = None
-        for _ in range(5):  # to rounding
-            state = body.balanced((both + change)[:2], (both + change)[2:], state)
-        assert state is not None
-        return state
+    def at(change: Array) -> Array:
+        return body.at((both + change)[:2], (both + change)[2:]).state
 
-    expected = [(at(h * e).state - at(-h * e).state) / (2 * h) for e in np.eye(4)]
-    found = np.concatenate(body.slopes(both[:2], parameters, at(0 * both)))
+    expected = [(at(h * e) - at(-h * e)) / (2 * h) for e in np.eye(4)]
+    state = body.at(both[:2], parameters)
+    again, *slopes = body.followed(both[:2], parameters, state)
+    np.testing.assert_allclose(again.state, state.state, atol=1e-9)
+    found = np.concatenate(slopes)
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-4 * np.abs(expected).max())
 
 
@@ -167,7 +165,7 @@ def test_a_model_without_equilibrium_keeps_the_last_actuations(
         def none(*_: Any) -> None:
             raise WorkError("none")
 
-        patched.setattr(plant.model, "balanced", none)
+        patched.setattr(DriftingBody, "followed", none)
         frame = controller.step(seen, target)
     assert frame.given == given
     assert "no equilibrium" in frame.warning
