@@ -98,12 +98,12 @@ def _model(options: argparse.Namespace) -> Actuation:
     """Read the modes of the body, or make and keep them."""
     import surrogate
     from shared_schema.common.files import require_writable
-    from surrogate.mechanics.actuation.actuation import SAMPLES, Actuation
+    from surrogate.mechanics.actuation.actuation import KEPT, SAMPLES, Actuation
     from surrogate.mechanics.statics.body import Body
 
     is_run = (options.body / "config.yaml").is_file()
     body = surrogate.load(options.body).body if is_run else Body.read(options.body)
-    path = options.modes or options.body / "actuation.safetensors"
+    path = options.modes or options.body / KEPT
     if path.is_file() and options.samples is None:
         return Actuation.read(path, body)
     require_writable(path)

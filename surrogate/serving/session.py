@@ -18,6 +18,8 @@ server was started with.
 ``hold``      ``held``: places and displacements, null where free;     displacement, reactions
               ``load``, ``body_force``
 ``let_go``                                                             displacement
+``control``   ``measured``, ``target``; first ``markers``, and         given, places, missed, …
+              ``loads``, ``within``, ``rates``, ``period``
 ============  =======================================================  ============================
 
 ``fields: false`` leaves out the displacement; ``nodes: "surface"`` gives that of the surface alone,
@@ -40,9 +42,11 @@ from numpy.typing import NDArray
 from shared_schema.common.errors import InputError, WorkError
 from shared_schema.tools import Mesh, Tool, parse_tool
 from surrogate.learning.inference.surrogate import Surrogate
+from surrogate.mechanics.actuation.controller import Controller
 from surrogate.mechanics.statics.load import given_load
 from surrogate.mechanics.touch import Grip, Touch
 from surrogate.runtime.time_limit import OutOfTimeError, TimeLimit
+from surrogate.serving import control_requests
 
 Array = NDArray[np.float64]
 Message = Mapping[str, Any]
@@ -54,6 +58,7 @@ KEYS = {
     "feel": {"tool"},
     "hold": {"held", "load", "body_force"},
     "let_go": set[str](),
+    "control": control_requests.KEYS,
 }
 REQUESTS = tuple(KEYS)
 ALWAYS = {"do", "id", "fields", "nodes"}
@@ -82,6 +87,7 @@ class Session:
         self._limit = TimeLimit(seconds)
         self._touch: Touch | None = None
         self._grips: dict[tuple[str, ...], Grip] = {}
+        self._controller: Controller | None = None
 
     def answer(self, text: str | bytes) -> str:
         """Reply to a request; whatever it is, there is a reply."""
@@ -118,6 +124,7 @@ class Session:
             "feel": self._feel,
             "hold": self._hold,
             "let_go": self._let_go,
+            "control": self._control,
         }
 
     def _mesh(self, message: Message) -> dict[str, Any]:
@@ -177,8 +184,15 @@ class Session:
         self._begin_at_rest()
         return self._field(message, np.zeros(self._model.geometry.coordinates.shape))
 
+    def _control(self, message: Message) -> dict[str, Any]:
+        if self._controller is None or control_requests.SETTING & set(message):
+            self._controller = control_requests.controller_of(message, self._model.actuation)
+        d = self._model.geometry.dimension
+        frame = control_requests.controlled(message, self._controller, d)
+        return control_requests.reply_of(frame) | self._field(message, frame.displacement)
+
     def _begin_at_rest(self) -> None:
-        self._touch, self._grips = None, {}
+        self._touch, self._grips, self._controller = None, {}, None
 
     def _tool(self, message: Message) -> Tool:
         """The tool of a request."""

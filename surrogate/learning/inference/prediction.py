@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
 from shared_schema.common.errors import InputError
+from surrogate.learning.data.load_range import only_follows
 from surrogate.learning.models.batched_prediction import BatchedPrediction
 from surrogate.learning.models.kinds import RunConfig
 from surrogate.learning.networks.field_network import FieldNetwork
@@ -70,6 +71,11 @@ class Predictor(Remade):
     def has_series(self) -> bool:
         """Whether the response of the body is a load series, beyond the linear one."""
         return isinstance(self._linear, SeriesResponse)
+
+    @property
+    def knows_forces(self) -> bool:
+        """Whether it predicts other forces than pressures and those of actuators."""
+        return not (self._run.learns and only_follows(self.body.case))
 
     @cached_property
     def at_nodes(self) -> ReducedAtNodes | None:

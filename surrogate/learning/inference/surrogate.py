@@ -16,7 +16,6 @@ from torch import Tensor
 from shared_schema.common.arguments import checked_arguments, real_numbers
 from shared_schema.common.errors import InputError, WorkError
 from shared_schema.common.progress import Progress
-from surrogate.learning.data.load_range import only_follows
 from surrogate.learning.inference.prediction import Predictor, given_aim
 from surrogate.learning.inference.training_range import TrainingRange
 from surrogate.learning.networks.field_network import FieldNetwork, parameter_count
@@ -38,6 +37,7 @@ from surrogate.runtime.time_limit import require_time
 if TYPE_CHECKING:
     from shared_schema.tools import Tool
     from surrogate.learning.inference.solution import Solution
+    from surrogate.mechanics.actuation.actuation import Actuation
     from surrogate.mechanics.certify import (
         Bounds,
         Certificate,
@@ -115,10 +115,28 @@ class Surrogate(Remade):
         """Whether the response of the body is a load series, beyond the linear one."""
         return self.predictor.has_series
 
+    @cached_property
+    def actuation(self) -> Actuation:
+        """The actuators of the body in its modes, which ``surrogate actuate`` keeps in the folder.
+
+        Raises
+        ------
+        InputError
+            If there are none.
+        """
+        from surrogate.mechanics.actuation.actuation import KEPT, Actuation
+
+        if self.geometry.parameters is not None:
+            raise InputError("actuators: of another shape, expected the body of the run")
+        path = self.run.folder / KEPT
+        if not path.is_file():
+            raise InputError(f"{path}: expected the modes that 'surrogate actuate' keeps there")
+        return Actuation.read(path, self.body)
+
     @property
     def knows_forces(self) -> bool:
         """Whether it predicts other forces than pressures and those of actuators."""
-        return not (self.description.run.learns and only_follows(self.description.data.case))
+        return self.predictor.knows_forces
 
     def respond(self, loads: Load) -> tuple[Array, Array]:
         """Predict checked loads, as `Predictor.respond`; warns as `predict`."""

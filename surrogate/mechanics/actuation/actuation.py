@@ -42,6 +42,7 @@ from surrogate.mechanics.statics.prediction import Series
 from surrogate.runtime.tensor_file import load_tensors, serialised
 
 Array = NDArray[np.float64]
+KEPT = "actuation.safetensors"  # file of the modes, in the folder of a body or a run
 SAMPLES, SEED = 128, 0
 ACCURACY = 1e-4  # of the sampled equilibria
 BEYOND = 0.05  # of the limits, to either side, that samples go

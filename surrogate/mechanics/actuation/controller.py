@@ -101,6 +101,11 @@ class Controller:
     effort : float
         ε of `surrogate.mechanics.actuation.targets`.
 
+    Attributes
+    ----------
+    targets : tuple of str
+        Places that are led, in the order of their points.
+
     Raises
     ------
     InputError
@@ -134,8 +139,9 @@ class Controller:
         unit = np.maximum(np.abs(self._high - rest), np.abs(self._low - rest))
         self._effort = Effort(unit, rest, effort * actuation.size)
         self._most = period * self._fastest(rates or {})
-        names = [target] if isinstance(target, str) else list(target)
-        self._targets = targets_of(geometry, dict.fromkeys(names, (0.0,) * geometry.dimension), {})
+        self.targets = (target,) if isinstance(target, str) else tuple(target)
+        anywhere = dict.fromkeys(self.targets, (0.0,) * geometry.dimension)
+        self._targets = targets_of(geometry, anywhere, {})
         seen = Markers.of(at_rest, at_rest)
         self._at_rest, at_markers = seen.at_rest, seen.interpolation(geometry)
         self._modes = actuation.reduced.modes[:, : len(geometry.coordinates)]
@@ -176,7 +182,7 @@ class Controller:
         if aims.size != np.prod(shape) or not np.isfinite(aims).all():
             raise InputError(f"target: expected {shape} finite numbers in m")
         aims, seen = aims.reshape(shape), self._seen(measured)
-        there = np.isfinite(seen).all(axis=1)
+        there = np.asarray(np.isfinite(seen).all(axis=1))
         unseen = int((~there).sum())
         self._known = self._known.later(self._part)
         if not there.any():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,9 @@ import surrogate
 from shared_schema.tools import Sphere
 from surrogate.runtime.time_limit import OutOfTimeError, TimeLimit
 from surrogate.serving import Session
+from tests.surrogate.mechanics.actuation.test_actuation import fitted
+from tests.surrogate.mechanics.actuation.test_controller import Plant
+from tests.surrogate.mechanics.statics.test_cables import pulled
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +55,35 @@ def test_requests_are_those_of_python(beam: surrogate.Surrogate) -> None:
     assert not np.any(ask(session, do="let_go")["displacement"])
 
 
+def test_a_client_controls_a_body() -> None:
+    """Replies are frames of a controller; null is a marker that is not seen."""
+    plant = Plant(fitted(pulled("quad", "linear")))
+    model: Any = SimpleNamespace(geometry=plant.model.body.geometry, actuation=plant.model)
+    session, target = Session(model), plant.goal({"along": 9.0, "anchored": 3.0}).tolist()
+    setting = {"markers": plant.at_rest.tolist(), "rates": {"along": 1e3, "anchored": 1e3}}
+    given, aim = {"along": 0.0, "anchored": 0.0}, {plant.place: target}
+    for frame in range(8):
+        seen = plant.seen(given).tolist()
+        seen[0] = None
+        asked = setting if frame == 0 else {}
+        reply = ask(session, do="control", measured=seen, target=aim, fields=False, **asked)
+        given = reply["given"]
+    assert plant.missed(given, np.array(target)) < 1e-3 * plant.model.size
+    assert (reply["unseen"], reply["warning"], "displacement" in reply) == (1, "", False)
+    blind = ask(session, do="control", measured=None, target=aim)
+    assert blind["given"] == given
+    assert "no marker is seen" in blind["warning"]
+    refused: list[tuple[dict[str, Any], str]] = [
+        ({"target": {"2,0": target}}, "expected those of the first request"),
+        ({"target": aim, "measured": [[0, 0, 0]]}, "expected points of 2 numbers, or null"),
+        ({"target": aim, "measured": [[0, 0]]}, "measured has shape"),
+        ({"target": aim, "rates": {"up": 1}}, "markers: expected a list"),
+        ({"measured": None}, "target: expected an object"),
+    ]
+    for wrong, said in refused:
+        assert said in ask(session, do="control", **wrong)["error"]
+
+
 @pytest.mark.parametrize(
     ("request_", "said"),
     [
@@ -86,6 +119,10 @@ def test_requests_are_those_of_python(beam: surrogate.Surrogate) -> None:
         ('{"do": "load", "load": "4,1:0,-1"}', "load: expected a list of texts"),
         ('{"do": "load", "body_force": [1]}', "expected 2 numbers"),
         ('{"do": "load", "body_force": ["1", 2]}', "body_force: expected a list of numbers"),
+        (
+            '{"do": "control", "target": {"4,1": [4, 1]}}',
+            "the modes that 'surrogate actuate' keeps",
+        ),
         ('{"do": "let_go", "nodes": "some"}', 'nodes: expected "all" or "surface"'),
     ],
 )

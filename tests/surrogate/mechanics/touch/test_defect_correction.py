@@ -19,7 +19,7 @@ PLACE, DEPTH, FRAMES = "4,1", 0.2, 30
 class WrongPredictions:
     """A body whose predictions are all too large."""
 
-    has_series = False
+    has_series, knows_forces = False, True
 
     def __init__(self, model: surrogate.Surrogate) -> None:
         self.body, self._model = model.body, model
