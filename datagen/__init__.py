@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from datagen.farm.body_dataset import body
     from datagen.farm.farm import run
     from datagen.mesh.repair import repair
+    from datagen.motion import MovedBody, move
     from datagen.output.dataset_figure import plot_dataset as plot
     from datagen.output.dataset_info import info
     from datagen.output.paraview_series import export
@@ -37,6 +38,7 @@ __version__ = "0.2.0"
 __all__ = [
     "Case",
     "InputError",
+    "MovedBody",
     "Solution",
     "WorkError",
     "add_noise",
@@ -47,6 +49,7 @@ __all__ = [
     "export",
     "export_plaid",
     "info",
+    "move",
     "plot",
     "read_case",
     "repair",

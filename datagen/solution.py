@@ -12,25 +12,21 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from mpi4py import MPI
 from numpy.typing import NDArray
 
-from datagen.cases.body import Body, make_body
+from datagen.cases.body import Body
 from datagen.cases.case import CaseSource, read_case
-from datagen.cases.placed_body import points_of
+from datagen.loaded_case import LoadedCase, Pushing, loaded_case
 from datagen.mesh.distributed_mesh import Mesh
 from datagen.output.cell_stresses import CellStresses, reactions_of_supports
 from datagen.solver.following_loads import found_actuation
 from datagen.solver.load_stepping import read_start, solve_from, solve_load_case
-from datagen.solver.tool_contact import INSIDE, ToolContact, touched
+from datagen.solver.tool_contact import INSIDE
 from datagen.stability import with_stability
-from shared_schema.actuators import Actuated, Control, pressed
+from shared_schema.actuators import Actuated
 from shared_schema.common.arguments import checked_arguments, real_numbers, require_type
 from shared_schema.common.bodies.command_loads import (
-    CommandLoads,
-    LoadedBody,
     Loads,
-    command_loads,
 )
 from shared_schema.common.bodies.equilibrium import size_warning
 from shared_schema.common.errors import InputError, WorkError
@@ -39,14 +35,13 @@ from shared_schema.common.solution_file import write_solution
 from shared_schema.common.units import SI, Units
 from shared_schema.materials import Volumetric
 from shared_schema.samples.results import SolveReport
-from shared_schema.tools import Contact, Tool, parse_tool
+from shared_schema.tools import Contact, Tool
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)
-MOST_FRICTION = 100.0
 
 
 @dataclass(frozen=True, repr=False, kw_only=True)
@@ -158,46 +153,6 @@ class Solution:
         return deformed_figure(self, self.displacement, self.force)
 
 
-@dataclass(frozen=True)
-class _Pushing:
-    """What is said of a tool."""
-
-    tool: str | Tool | None
-    friction: float
-    comes_from: Sequence[str | Sequence[float]] | Array
-
-    def on(self, body: Body) -> ToolContact | None:
-        """Contact of the tool with a body; None without a tool."""
-        tool, d = self.tool, body.mesh.coordinates.shape[1]
-        if tool is None:
-            if self.friction or len(self.comes_from):
-                raise InputError("--friction and --tool-from: expected with --tool")
-            return None
-        if not 0 <= self.friction <= MOST_FRICTION:  # true for NaN as well
-            raise InputError(
-                f"--friction {self.friction:g}: expected a number from 0 to {MOST_FRICTION:g}"
-            )
-        way = [_displacement(each, d) for each in self.comes_from]
-        form = tool if isinstance(tool, Tool) else parse_tool(tool, d)
-        try:
-            points = np.array(way).reshape(-1, d)
-            return touched(body.problem, form, body.surface, self.friction, points)
-        except InputError as error:
-            raise InputError(f"--tool: {error}") from None
-
-
-def _displacement(said: str | Sequence[float] | Array, d: int) -> Array:
-    """One displacement of a tool, (d,)."""
-    try:
-        values = said.split(",") if isinstance(said, str) else said
-        found = np.array([float(value) for value in values])
-    except ValueError:
-        found = np.empty(0)
-    if found.shape != (d,) or not np.isfinite(found).all():
-        raise InputError(f"--tool-from {said}: expected {d} finite numbers, separated by commas")
-    return found
-
-
 @checked_arguments
 def solve(
     case: CaseSource,
@@ -267,36 +222,20 @@ def solve(
         If no equilibrium is found.
     """
     found = read_case(case, volumetric=volumetric, trust=trust, changes=changes)
-    given: CommandLoads | None = None
-
-    def driven(mesh: Mesh, supported: NDArray[np.bool_]) -> CommandLoads:
-        nonlocal given
-        known = mesh.coordinates, mesh.cells, mesh.cell_type
-        body = LoadedBody(*known, supported, mesh.node_sets, points_of(found, mesh), mesh.parts)
-        files = [Path(path) for path in forces]
-        needed = tool is None and not actuate
-        given = command_loads(body, load, files, held, nearest, body_force, needed)
-        return given
-
-    body = make_body(found, MPI.COMM_SELF if comm is None else comm, driven, parameters)
-    assert given is not None
-    try:
-        controls = body.loads.actuators.given(actuate)
-        pushing = _Pushing(tool, friction, tool_from)
-        return _solved(body, given, controls, start, stresses, pushing)
-    finally:
-        body.problem.close()
+    loads = load, forces, held, actuate, body_force, nearest, parameters
+    needed = tool is None and not actuate
+    with loaded_case(found, comm, *loads, needed=needed) as loaded:
+        return _solved(loaded, start, stresses, Pushing(tool, friction, tool_from))
 
 
 def _solved(
-    body: Body,
-    given: CommandLoads,
-    actuation: tuple[Control, ...],
+    loaded: LoadedCase,
     start: Path | str | Array | None,
     stresses: bool,
-    pushing: _Pushing,
+    pushing: Pushing,
 ) -> Solution:
     """Solve the body's problem, and collect the fields."""
+    body, given, actuation = loaded.body, loaded.given, loaded.actuation
     problem, case, mesh = body.problem, body.case, body.mesh
     said = "" if isinstance(start, np.ndarray) else f" '{start}'"
     acts = given.surfaces or given.moved.any() or pushing.tool is not None
@@ -307,11 +246,9 @@ def _solved(
     problem.load.contact = pushing.on(body)
     for warning in body.warnings():
         logger.warning(warning)
-    nodes = np.flatnonzero(given.forces.any(axis=1))
-    load, origin = (nodes, given.forces[nodes]), ""
+    load, origin = loaded.dead, ""
     began = time.perf_counter()
-    controls, between = (*pressed(given.pressures), *actuation), given.forces_between
-    drive = controls, given.displacement
+    drive, between = (loaded.controls, given.displacement), given.forces_between
     with _shown(body) as begin:
         if start is None:
             report = solve_load_case(problem, *load, case.solver, *drive, begin, between)

@@ -32,6 +32,7 @@ from shared_schema.loads import LoadFamily, load_family
 from shared_schema.loads.regions import AXES, Region
 from shared_schema.manifest import digest_of
 from shared_schema.materials import Material, Volumetric, material_of
+from shared_schema.motion import TimeSettings, densities_of_cells
 from shared_schema.samples.dataset_settings import DatasetSettings
 
 Axis = Literal["x", "y", "z"]
@@ -88,6 +89,8 @@ class Case(Frozen):
         Number of samples, seed, shards and split.
     units : Units
         Labels of the units that all numbers are in; nothing is converted.
+    time : TimeSettings, optional
+        Time steps: the samples of the dataset are motions, not equilibria.
     """
 
     name: str = Field(pattern=r"^[A-Za-z0-9_.-]+$", max_length=100)
@@ -100,6 +103,7 @@ class Case(Frozen):
     solver: SolverSettings = SolverSettings()
     dataset: DatasetSettings
     units: Units = Field(SI, exclude_if=lambda units: units == SI)
+    time: TimeSettings | None = Field(None, exclude_if=absent)
 
     @field_validator("load", mode="before")
     @classmethod
@@ -129,6 +133,15 @@ class Case(Frozen):
     def _is_driven(self) -> Case:
         if self.load == () and not self.actuators:
             raise ValueError("key 'load': expected a mapping, a list of at least one, or actuators")
+        return self
+
+    @model_validator(mode="after")
+    def _has_masses(self) -> Case:
+        if self.time is not None:
+            try:
+                densities_of_cells(self.material, None, 0)
+            except InputError as error:
+                raise ValueError(str(error)) from None
         return self
 
     @field_validator("material")

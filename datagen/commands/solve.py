@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from datagen.commands.make import add_case
 from shared_schema.common.command_line import (
@@ -16,6 +16,7 @@ from shared_schema.common.command_line import (
     add_parameter,
     add_tool,
 )
+from shared_schema.common.errors import InputError
 from shared_schema.common.files import require_writable
 from shared_schema.common.machine import largest_resident, megabytes
 from shared_schema.common.solution_file import require_suffix
@@ -23,6 +24,12 @@ from shared_schema.tools import contact_line
 
 if TYPE_CHECKING:
     from shared_schema.samples.results import SolveReport
+
+
+LOADS = (  # arguments that a solve and a motion share
+    *("load", "forces", "held", "tool", "friction", "tool_from", "body_force", "nearest"),
+    *("parameters", "actuate", "volumetric", "changes", "trust"),
+)
 
 
 def add_solve(commands: Commands) -> None:
@@ -65,6 +72,19 @@ def add_solve(commands: Commands) -> None:
         metavar="FILE.npz",
         help="start from the displacement in this file, such as a prediction of `surrogate`",
     )
+    parser.add_argument(
+        "--duration",
+        type=float,
+        metavar="T",
+        help="let the body move for T seconds, with the settings of the case's key time",
+    )
+    parser.add_argument("--step", type=float, metavar="H", help="time step in s of a motion")
+    parser.add_argument(
+        "--history",
+        metavar="held|let_go|ramp=S|random=HZ",
+        help="load over time of a motion: held from the begin (default), let go from equilibrium, "
+        "grown in S seconds, or varied at random up to a frequency",
+    )
     add_parameter(parser)
     parser.add_argument("--stresses", action="store_true", help=STRESSES)
     parser.add_argument(
@@ -72,7 +92,8 @@ def add_solve(commands: Commands) -> None:
         type=Path,
         required=True,
         metavar="FILE.(npz|vtu|xdmf)",
-        help="fields at the nodes: force, displacement; with --stresses also of the cells",
+        help="fields at the nodes: force, displacement; with --stresses also of the cells; of a "
+        "motion the frames, .npz, .xdmf or .pvd",
     )
     parser.set_defaults(command=_solve, collective=True)
 
@@ -84,12 +105,16 @@ def _solve(options: argparse.Namespace) -> None:
     from datagen import solve
 
     comm = MPI.COMM_WORLD
+    if options.duration is not None:
+        _move(options, comm)
+        return
+    if options.step is not None or options.history is not None:
+        raise InputError("--step and --history: expected with --duration")
     require_suffix(options.out)
     if comm.rank == 0:
         require_writable(options.out)
-    loads = ("load", "forces", "held", "tool", "friction", "tool_from", "body_force", "nearest")
-    others = ("parameters", "actuate", "start", "stresses", "volumetric", "changes", "trust")
-    given = {name: getattr(options, name) for name in (*loads, *others)}
+    others = "start", "stresses"
+    given = {name: getattr(options, name) for name in (*LOADS, *others)}
     solution = solve(options.case, **given, comm=comm)
     if comm.rank > 0:
         return
@@ -116,6 +141,40 @@ def _solve(options: argparse.Namespace) -> None:
     print(
         f"{solution.unknowns} unknowns, {solution.linear_solver}: {solution.seconds:.3g} s a "
         f"solve, {megabytes(largest_resident())} at most"
+    )
+
+
+def _move(options: argparse.Namespace, comm: Any) -> None:
+    """Let the body move, on all ranks together, and say how."""
+    from datagen import move
+    from datagen.motion import FORMATS
+
+    if options.start is not None or options.stresses:
+        raise InputError("--start and --stresses: expected without --duration")
+    require_suffix(options.out, FORMATS)
+    if comm.rank == 0:
+        require_writable(options.out)
+    names = (*LOADS, "duration", "step", "history")
+    moved = move(options.case, **{name: getattr(options, name) for name in names}, comm=comm)
+    if comm.rank > 0:
+        return
+    moved.save(options.out)
+    for note in moved.notes:
+        print(note)
+    found, units = moved.trajectory, moved.units
+    of_energies = "kinetic", "strain", "work", "dissipated"
+    unit = f"{units.force} {units.length}"
+    energies = ", ".join(
+        f"{name} {energy:.4g}" for name, energy in zip(of_energies, found.energies[-1], strict=True)
+    )
+    print(
+        f"{options.out}: {len(found.times)} frames to {found.times[-1]:.6g} s, largest "
+        f"displacement {moved.largest_displacement:.6g} {units.length}"
+    )
+    print(f"energies at the end in {unit}: {energies}")
+    print(
+        f"{moved.unknowns} unknowns, {moved.settings.steps} steps: {moved.seconds:.3g} s, "
+        f"{megabytes(largest_resident())} at most"
     )
 
 

@@ -97,12 +97,14 @@ class ElementLoop:
     values : array, (size,), optional
         Array to add into, shared with other loops.
     given : array, (n_cells, n_given), optional
-        Values of a second coefficient of the kernel, which is constant in each cell.
+        Values of further coefficients of the kernel in each cell.
 
     Attributes
     ----------
     values : array, (size,)
         Result of the last `run`. The array is allocated once and overwritten by every run.
+    constants : array
+        Those of the kernel, which may be changed in place.
     """
 
     def __init__(
@@ -127,9 +129,11 @@ class ElementLoop:
             vertices = np.ascontiguousarray(vertices[cells])
             volumes = None if volumes is None else np.ascontiguousarray(volumes[cells])
             given = given[cells]
-        given = np.ascontiguousarray(given)
+        self._given, self._cells = np.array(given, dtype=np.float64, order="C"), cells
+        self.constants = kernel.constants
         points = np.ascontiguousarray(domain.geometry.x, dtype=np.float64)
-        counts = len(dofs), places.shape[1], dofs.shape[1], vertices.shape[1], given.shape[1]
+        width = self._given.shape[1]
+        counts = len(dofs), places.shape[1], dofs.shape[1], vertices.shape[1], width
         self.values = np.zeros(size) if values is None else values
         arrays = [places, dofs, vertices, points, state.x.array, kernel.constants]
         addresses = [kernel.address]
@@ -139,7 +143,7 @@ class ElementLoop:
             addresses += [elimination.deformed_volume.address, elimination.residual.address]
             arrays += [elimination.residual.constants, volumes, elimination.before]
             work = (dofs.shape[1] + 2) * (dofs.shape[1] + 4) + 3 * vertices.shape[1]
-        arrays += [given, np.empty(work + given.shape[1]), self.values]
+        arrays += [self._given, np.empty(work + width), self.values]
         # C sees only addresses, so the arrays must be kept alive here.
         self._kept = arrays, kernel, elimination
         self._function = _load(
@@ -151,6 +155,11 @@ class ElementLoop:
             (len(addresses), len(counts), len(arrays)),
         )
         self._arguments = (*addresses, *counts, *(array.ctypes.data for array in arrays))
+
+    def give(self, given: NDArray[np.float64], first: int = 0) -> None:
+        """Replace given values of all cells of the rank, (n_cells, n), from a column on."""
+        columns = slice(first, first + given.shape[1])
+        self._given[:, columns] = given if self._cells is None else given[self._cells]
 
     def run(self) -> NDArray[np.float64]:
         """Evaluate `values` at the current state, and return them."""
@@ -178,6 +187,8 @@ class FormLoop:
         As for `ElementLoop`, by part of the mesh.
     given : array, (n_cells, n_given), optional
         As for `ElementLoop`.
+    values : array, (size,), optional
+        As for `ElementLoop`.
     """
 
     def __init__(
@@ -190,8 +201,9 @@ class FormLoop:
         parts: NDArray[np.int64] | None = None,
         eliminations: Mapping[int, Elimination] | None = None,
         given: NDArray[np.float64] | None = None,
+        values: NDArray[np.float64] | None = None,
     ) -> None:
-        self.values = np.zeros(size)
+        self.values = np.zeros(size) if values is None else values
         self._loops = [
             ElementLoop(
                 kernel,
@@ -210,9 +222,18 @@ class FormLoop:
     def run(self) -> NDArray[np.float64]:
         """Evaluate `values` at the current state, and return them."""
         self.values.fill(0.0)
+        self.add()
+        return self.values
+
+    def add(self) -> None:
+        """Add the element tensors at the current state into `values`."""
         for loop in self._loops:
             loop.add()
-        return self.values
+
+    def give(self, given: NDArray[np.float64], first: int = 0) -> None:
+        """Replace given values, as `ElementLoop.give` does."""
+        for loop in self._loops:
+            loop.give(given, first)
 
 
 def _load(file: str, name: str, arguments: tuple[int, int, int]) -> Any:

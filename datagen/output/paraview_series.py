@@ -1,7 +1,9 @@
-"""Samples of a nodal dataset as a time series for ParaView: the time is the sample number.
+"""Time series for ParaView: frames of a motion, or samples of a nodal dataset.
+
+The time of a sample is its number.
 
 An ``.xdmf`` file refers to an ``.h5`` file beside it that holds the arrays; a ``.pvd`` file refers
-to a folder beside it with one ``.vtu`` file per sample. Points are those of the undeformed mesh,
+to a folder beside it with one ``.vtu`` file per frame. Points are those of the undeformed mesh,
 with ``displacement`` in m and ``force`` in N, three components each, float64. With stresses they
 also have ``reaction`` in N, and the cells the fields of
 `shared_schema.common.bodies.equilibrium`.
@@ -21,6 +23,7 @@ from xml.etree import ElementTree
 import h5py
 import numpy as np
 from meshio.xdmf import TimeSeriesWriter
+from numpy.typing import NDArray
 
 from datagen.output.nodal_samples import NodalSamples, Sample
 from shared_schema.common.arguments import checked_arguments
@@ -39,6 +42,8 @@ OURS = "datagen export"
 
 
 Fields = tuple[dict[str, Any], dict[str, Any]]  # of the nodes, and of the cells
+Timed = tuple[float, dict[str, Any], dict[str, Any]]  # after a time, or the number of a sample
+Mesh = tuple[NDArray[np.float64], NDArray[np.int64], str]  # positions, cells and their type
 
 
 @checked_arguments
@@ -80,8 +85,7 @@ def export(
     """
     folder, path = Path(nodal), Path(out)
     require_suffix(path, SUFFIXES)
-    data = path.with_suffix(".h5" if path.suffix == ".xdmf" else "")
-    _require_replaceable(path, data)
+    _require_replaceable(path, _data_of(path))
     dataset = NodalSamples(folder)
     if dataset.has_shapes:
         raise InputError(f"{folder}: every sample has its own shape, expected a dataset of one")
@@ -90,15 +94,43 @@ def export(
     else:
         text = samples if isinstance(samples, str) else f"{samples.start}:{samples.stop}"
         numbers = dataset.within(text)
-    write = _write_xdmf if path.suffix == ".xdmf" else _write_pvd
-    if write is _write_xdmf:
+    if path.suffix == ".xdmf":
         size = BYTES[0] * len(dataset.coordinates) + BYTES[1] * len(dataset.cells) * stresses
         what = f"--out '{path}': {len(numbers)} samples in one file (--samples, or .pvd)"
         require_memory(size * len(numbers), what)
     fields = _with_stresses(dataset, folder) if stresses else _fields
-    with _both(path, data) as (partial, partial_data):
-        write(partial, partial_data, data.name, dataset, _in_turn(dataset, numbers), fields)
+    mesh = dataset.coordinates, dataset.cells, dataset.cell_type
+    frames = ((each.number, *fields(each)) for each in _in_turn(dataset, numbers))
+    write_series(path, mesh, frames)
     return numbers
+
+
+def write_series(path: Path, mesh: Mesh, frames: Iterable[Timed]) -> None:
+    """Write fields over time, whose files appear complete or not at all.
+
+    Parameters
+    ----------
+    path : Path
+        Ending in .xdmf or .pvd.
+    mesh : (array (n_nodes, d), array of int (n_cells, n_corners), str)
+    frames : iterable of (float, mapping of fields of nodes, mapping of fields of cells)
+        At increasing times.
+
+    Raises
+    ------
+    InputError
+        If the file or folder beside `path` would replace something that was not exported before.
+    """
+    data = _data_of(path)
+    _require_replaceable(path, data)
+    write = _write_xdmf if path.suffix == ".xdmf" else _write_pvd
+    with _both(path, data) as (partial, partial_data):
+        write(partial, partial_data, data.name, mesh, frames)
+
+
+def _data_of(path: Path) -> Path:
+    """File or folder beside an index that holds its arrays."""
+    return path.with_suffix(".h5" if path.suffix == ".xdmf" else "")
 
 
 def _with_stresses(dataset: NodalSamples, folder: Path) -> Callable[[Sample], Fields]:
@@ -157,21 +189,13 @@ def _in_turn(dataset: NodalSamples, numbers: list[int]) -> Iterator[Sample]:
     progress.close()
 
 
-def _write_xdmf(
-    path: Path,
-    data: Path,
-    name: str,
-    dataset: NodalSamples,
-    samples: Iterable[Sample],
-    fields: Callable[[Sample], Fields],
-) -> None:
+def _write_xdmf(path: Path, data: Path, name: str, mesh: Mesh, frames: Iterable[Timed]) -> None:
     with _Series(path, name) as series:
-        mesh = in_space(dataset.coordinates), [(dataset.cell_type, dataset.cells)]
-        series.write_points_cells(*mesh)
-        for sample in samples:
-            nodal, of_cells = fields(sample)
+        coordinates, cells, cell_type = mesh
+        series.write_points_cells(in_space(coordinates), [(cell_type, cells)])
+        for at, nodal, of_cells in frames:
             by_block = {name: [flat(values)] for name, values in of_cells.items()}
-            series.write_data(sample.number, nodal, by_block)
+            series.write_data(at, nodal, by_block)
         series.h5_file.flush()
         data.write_bytes(series.h5_file.id.get_file_image())
 
@@ -199,22 +223,14 @@ class _Series(TimeSeriesWriter):
         return self
 
 
-def _write_pvd(
-    path: Path,
-    data: Path,
-    name: str,
-    dataset: NodalSamples,
-    samples: Iterable[Sample],
-    fields: Callable[[Sample], Fields],
-) -> None:
+def _write_pvd(path: Path, data: Path, name: str, mesh: Mesh, frames: Iterable[Timed]) -> None:
     data.mkdir()
     root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
     collection = ElementTree.SubElement(root, "Collection")
-    for sample in samples:
-        file = f"sample-{sample.number:05d}.vtu"
-        mesh = dataset.coordinates, dataset.cells, dataset.cell_type
-        write_solution(data / file, *mesh, *fields(sample))
-        attributes = {"timestep": str(sample.number), "file": f"{name}/{file}"}
+    for number, (at, nodal, of_cells) in enumerate(frames):
+        file = f"sample-{at if isinstance(at, int) else number:05d}.vtu"
+        write_solution(data / file, *mesh, nodal, of_cells)
+        attributes = {"timestep": f"{at:.12g}", "file": f"{name}/{file}"}
         ElementTree.SubElement(collection, "DataSet", attributes)
     ElementTree.indent(root)
     ElementTree.ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)

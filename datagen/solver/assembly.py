@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import basix
 import numpy as np
@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from datagen.discretisation.element import ElementKind
-from datagen.discretisation.element_loop import ElementLoop, Kernel
+from datagen.discretisation.element_loop import ElementLoop, FormLoop, Kernel
 from datagen.discretisation.unknowns import Unknowns
 from datagen.dolfinx_versions import COMPILER_OPTIONS, form, point_expression
 from datagen.solver.strain_energy import deformation_gradient
@@ -156,8 +156,39 @@ class MinimumJ:
         return here if self._comm.size == 1 else float(self._comm.allreduce(here, op=MPI.MIN))
 
 
+class Term(Protocol):
+    """Forces that add to the assembly of a rank, with their derivative."""
+
+    def add_forces(self) -> None:
+        """Add the forces on the entries of the state of this rank to `Assembly.forces`."""
+
+    def add_tangent(self) -> None:
+        """Add their derivative to `Assembly.tangent`."""
+
+
+@dataclass(frozen=True)
+class Internal:
+    """Internal forces of the cells of a rank."""
+
+    forces: FormLoop
+    tangent: FormLoop
+
+    def add_forces(self) -> None:
+        """Add f_int."""
+        self.forces.add()
+
+    def add_tangent(self) -> None:
+        """Add ∂f_int/∂u."""
+        self.tangent.add()
+
+    def begin(self, before: NDArray[np.float64], first: int) -> None:
+        """Give the first of two states in each cell, from a column on."""
+        self.forces.give(before, first)
+        self.tangent.give(before, first)
+
+
 class Assembly:
-    """Tangent and internal forces of a problem; every method is collective over its ranks.
+    """Tangent and forces of a problem; every method is collective over its ranks.
 
     Parameters
     ----------
@@ -178,6 +209,14 @@ class Assembly:
     matrix : PETSc.Mat
         Each rank holds the rows of the entries of the state that it owns. On one rank they are
         compressed rows, whose values `assemble_tangent` changes in place.
+    internal_forces : Internal
+    terms : list of Term
+        What is assembled; internal forces at first.
+    forces : array
+        Sum of the cells of this rank, by entries of its state.
+    tangent : array
+        The same of the matrix, at `places`, with a last value for what is dropped.
+    places : array of int32, (n_cells, n_entries²)
     """
 
     def __init__(
@@ -203,12 +242,11 @@ class Assembly:
         pattern = sparsity(dofs, size, block_size, rows, columns, pairs)
         owned = rows[: unknowns.owned]
         self._diagonal = pattern.diagonal[: unknowns.owned][owned]
-        self._forces = forms.loop(forms.internal, unknowns, dofs, size)
-        # The last value takes the dropped entries.
-        self._tangent = forms.loop(
-            forms.tangent, unknowns, pattern.places, len(pattern.indices) + 1
-        )
-        self._values = self._tangent.values[:-1]
+        self.places, self._unknowns = pattern.places, unknowns
+        self.forces, self.tangent = np.zeros(size), np.zeros(len(pattern.indices) + 1)
+        self.internal_forces = self.internal(forms)
+        self.terms: list[Term] = [self.internal_forces]
+        self._values = self.tangent[:-1]
         self._compressed = pattern.indptr, pattern.indices, self._values
         if self._is_alone:
             shape = size, size
@@ -222,9 +260,21 @@ class Assembly:
             if len(coupled):  # PETSc finds their places when they come first
                 self.matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
 
+    def internal(self, forms: WeakForm) -> Internal:
+        """Make the term of some forms."""
+        known = self._unknowns, self._unknowns.cell_dofs
+        return Internal(
+            forms.loop(forms.internal, *known, len(self.forces), self.forces),
+            forms.loop(
+                forms.tangent, known[0], self.places, len(self.tangent), values=self.tangent
+            ),
+        )
+
     def assemble_tangent(self) -> None:
         """Assemble the matrix at the current state in N/m, the identity in the fixed rows."""
-        self._tangent.run()
+        self.tangent.fill(0.0)
+        for term in self.terms:
+            term.add_tangent()
         self._values[self._diagonal] = 1.0
         if not self._is_alone:
             self.matrix.zeroEntries()
@@ -234,10 +284,13 @@ class Assembly:
         self.matrix.assemble()
 
     def assemble_forces(self, b: PETSc.Vec) -> None:
-        """Replace `b` by the internal forces at the current state, in N."""
+        """Replace `b` by the forces of all terms at the current state, in N."""
+        self.forces.fill(0.0)
+        for term in self.terms:
+            term.add_forces()
         if self._is_alone:
-            b.array_w[:] = self._forces.run()
+            b.array_w[:] = self.forces
             return
         with b.localForm() as local:
-            local.array_w[:] = self._forces.run()
+            local.array_w[:] = self.forces
         b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)

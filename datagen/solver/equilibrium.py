@@ -12,7 +12,8 @@ with the internal forces :math:`f_{int}` of `datagen.solver.weak_form`, the dead
 part of the load that acts. Newton's method (`datagen.solver.newton`) finds u with the tangent
 :math:`K = ∂f_{int}/∂u - ∂f_p/∂u`. In the rows of known displacements
 (`datagen.solver.supports`) the residual is u, or :math:`u - s \bar u`, and the tangent is the
-identity; the first step moves the rest of the body with a prescribed displacement.
+identity; the first step moves the rest of the body with a prescribed displacement. In a time step,
+inertia and damping (`datagen.solver.inertia`) add to forces and tangent.
 
 Quadratic elements have displacements between the nodes of the mesh as well, and incompressible
 triangles and tetrahedra dilations and pressures (`datagen.discretisation`); u and R then hold all
@@ -38,7 +39,7 @@ from datagen.discretisation.unknowns import Unknowns
 from datagen.dolfinx_versions import create_vector
 from datagen.mesh.distributed_mesh import Mesh
 from datagen.solver.acting_load import ActingLoad
-from datagen.solver.assembly import Assembly, MinimumJ
+from datagen.solver.assembly import Assembly, Internal, MinimumJ
 from datagen.solver.bordered_newton import (
     Border,
     UnknownAmplitudes,
@@ -46,6 +47,7 @@ from datagen.solver.bordered_newton import (
     solve_bordered,
 )
 from datagen.solver.corotation import Corotation
+from datagen.solver.inertia import Inertia
 from datagen.solver.linear_solver import chosen_solver
 from datagen.solver.load_series import LoadSeries
 from datagen.solver.newton import Newton, NewtonResult, reason_name, round_off
@@ -60,6 +62,8 @@ from shared_schema.materials import Material
 
 INVERTED = "inverted element (J <= 0)"
 LINEAR_LOADS = 1e6  # loads below so many times the rounding errors of the residual at rest
+SLOW = 0.25  # of a residual, that a step with a tangent of before may leave
+FRESH = 8  # last iterations of Newton's method, whose tangents are of the present state
 
 
 class EquilibriumProblem:
@@ -123,6 +127,15 @@ class EquilibriumProblem:
         Part s of the nodal load that acts.
     drag : Drag or None
         Forces that hold the body back, of a state that is not in equilibrium yet.
+    assembly : Assembly
+        Forces and tangent of the cells.
+    inertia : Inertia or None
+        Inertia and damping, in a time step (`move`).
+    inertia_norm : float
+        2-norm of the largest forces of inertia in N, beside which a residual is small.
+    keeps_tangent, has_tangent : bool
+        Newton's method goes on with the factors of a tangent of before while it converges; it has
+        one.
     meanwhile : callable
         Called on every rank before each step of Newton's method, with the number of those before
         and ‖R‖ in N, for work that must not wait long.
@@ -150,27 +163,33 @@ class EquilibriumProblem:
         local_parts = None if parts is None else mesh.of_local_cells(parts)
         materials = [material] if isinstance(material, Material) else material
         field = fibre_field(mesh, materials, parts, fibres)
-        self.forms = weak_form(self.unknowns, self.kind, material, size, local_parts, field)
+        self._of_forms = self.unknowns, self.kind, material, size, local_parts, field
+        self.forms = weak_form(*self._of_forms)
         held = clamped if clamped.ndim == 2 else np.repeat(clamped[:, None], self.dimension, axis=1)
         self.supports = Supports(
             self.unknowns, held, np.zeros_like(held) if moved is None else moved
         )
         self.load = ActingLoad(mesh, self.unknowns, self.supports, following)
         fixed = self.supports.held_dofs, self.supports.moved_dofs, self.load.coupled()
-        self._assembly = Assembly(self.forms, self.unknowns, *fixed)
-        self.matrix = self._assembly.matrix
+        self.assembly = Assembly(self.forms, self.unknowns, *fixed)
+        self._internal = self.assembly.internal_forces
+        self.matrix = self.assembly.matrix
         self._min_j = MinimumJ(self.unknowns, self.kind)
         to_one = np.zeros((len(self.unknowns.cell_dofs), 1), dtype=np.int32)
         self._energy = self.forms.loop(self.forms.energy, self.unknowns, to_one, 1)
         self.load_factor = 0.0
         self.drag: Drag | None = None
+        self.inertia: Inertia | None = None
+        self.inertia_norm = 0.0
+        self.keeps_tangent = self.has_tangent = False
+        self._last_norm = np.inf
         self.meanwhile: Callable[[int, float], None] = lambda step, residual: None
         self.residual = create_vector(self.u.function_space)
         self._x = self.residual.duplicate()  # SNES must not be given the vector of `u` itself
         self._inverted = self._is_loaded = False
         self._settings, self._grip_norm = settings, 0.0
         self._tolerance = ForceTolerance(settings.relative_tolerance, settings.tolerance)
-        self._round_off = round_off(self.tangent(), size)
+        self._round_off = self._round_off_at_rest = round_off(self.tangent(), size)
         self.linear_solver = chosen_solver(
             settings.linear_solver, self.kind, self.dimension, self.size
         )
@@ -253,7 +272,7 @@ class EquilibriumProblem:
 
     def relative_tolerance(self, displacement_norm: float) -> float:
         """Tolerance on ‖R‖ in N by ‖u‖ in m, relative to load and grip."""
-        forces = float(np.hypot(self.load.norm, self._grip_norm))
+        forces = float(np.linalg.norm([self.load.norm, self._grip_norm, self.inertia_norm]))
         unknown = self._has_unknown_forces or forces == 0.0
         if self._settings.tolerance is not None and unknown:
             return self._settings.tolerance  # the forces of a grip are not known before
@@ -432,6 +451,33 @@ class EquilibriumProblem:
         self._predict_from_here()
         return self.next_tangent()
 
+    def move(self, inertia: Inertia | None, between: bool = False) -> Internal:
+        """Let inertia act from now on, or no longer; return the internal forces (collective).
+
+        Parameters
+        ----------
+        inertia : Inertia, optional
+        between : bool
+            Internal forces are those between two states.
+        """
+        internal = self._internal
+        if between:
+            internal = self.assembly.internal(weak_form(*self._of_forms, between=True))
+        self.assembly.terms = [internal] if inertia is None else [internal, inertia]
+        self.inertia, self.inertia_norm = inertia, 0.0
+        self._round_off = self._round_off_at_rest
+        self.keeps_tangent = self.has_tangent = False
+        return internal
+
+    def renew(self, keeps_tangent: bool) -> None:
+        """Let Newton's method begin with a new tangent, and say whether it may keep it then.
+
+        The rounding errors of residuals are estimated anew (collective).
+        """
+        size = mean_edge(self.mesh.coordinates, self.mesh.cells)
+        self._round_off = round_off(self.tangent(), size)
+        self.keeps_tangent = keeps_tangent and self.forms.before is None
+
     def tangent_of_last_step(self) -> PETSc.Mat | None:
         """K before the last Newton step, if it is that at the current state as well, else None."""
         known = not self.load.is_bordered and self.newton.last_tangent_is_of(self._x)
@@ -444,7 +490,8 @@ class EquilibriumProblem:
 
     def next_tangent(self) -> PETSc.Mat:
         """`tangent` within Newton's method, which predicts pressures from its last state."""
-        self._assembly.assemble_tangent()
+        self.assembly.assemble_tangent()
+        self.has_tangent = False
         self._predict_from_here()
         if self.load.presses:
             self.load.add_tangent(self.matrix, self.load_factor, self.displacement_of_points())
@@ -464,7 +511,7 @@ class EquilibriumProblem:
     def out_of_balance(self, b: PETSc.Vec | None = None) -> PETSc.Vec:
         """Set `residual`, or b, to f_int(u) − s f − f_p(u), in the rows of supports as well."""
         b = self.residual if b is None else b
-        self._assembly.assemble_forces(b)
+        self.assembly.assemble_forces(b)
         self.load.subtract_forces(b, self.load_factor)
         if self.load.presses:
             self.load.subtract_following(b, self.load_factor, self.displacement_of_points())
@@ -490,7 +537,13 @@ class EquilibriumProblem:
 
     def compute_tangent(self, snes: PETSc.SNES, x: PETSc.Vec, a: PETSc.Mat, p: PETSc.Mat) -> None:
         """Tangent for SNES, at the displacement that the residual was computed for."""
-        self.meanwhile(snes.getIterationNumber(), snes.getFunctionNorm())
+        iteration, norm = snes.getIterationNumber(), snes.getFunctionNorm()
+        self.meanwhile(iteration, norm)
+        if self.inertia is not None:
+            if not self._may_keep_tangent(iteration, norm):
+                self.next_tangent()
+                self.has_tangent = True
+            return
         if self.corotation is None:
             self.next_tangent()
             return
@@ -499,3 +552,12 @@ class EquilibriumProblem:
         else:
             self.next_tangent()
         self.corotation.turn()
+
+    def _may_keep_tangent(self, iteration: int, norm: float) -> bool:
+        """True if a step with the last tangent promises to reduce the residual enough."""
+        before, self._last_norm = self._last_norm, norm
+        if not (self.keeps_tangent and self.has_tangent) or self.load.contact is not None:
+            return False
+        if iteration == 0:
+            return True
+        return norm <= SLOW * before and iteration < self._settings.max_iterations - FRESH

@@ -24,6 +24,17 @@ variations by test and trial functions,
 
 The derivatives of W are scalars without arguments. UFL would carry test and trial functions through
 every operation of W instead, which takes FFCx minutes where a formula is long (Ogden's).
+
+Between two states u and u' the energy changes by exactly the work of the stress (Gonzalez 2000,
+*Comput. Methods Appl. Mech. Engrg.* 190)
+
+.. math::
+    S = 2 W_C(C_½) + 2 \frac{W(C') - W(C) - W_C(C_½) : ΔC}{ΔC : ΔC} \, ΔC, \qquad
+    C_½ = \tfrac12 (C + C'), \quad ΔC = C' - C,
+
+on the strains :math:`\operatorname{sym}(F_½^T ∇v)`, :math:`F_½ = (F + F') / 2`: it conserves
+energy and momenta. Strains that change by less than `SAME` lack the second term, which is of third
+order. The tangent lacks its derivative, which is of second order in ΔC.
 """
 
 from __future__ import annotations
@@ -57,6 +68,7 @@ from shared_schema.materials import (
 )
 
 Expression = Any  # a UFL expression; ufl has no types
+SAME = 1e-6  # of strains: change that is too small for a difference of energies
 
 
 class _OfUfl:
@@ -148,10 +160,22 @@ def density_of(
         mu = _constant(material.lame_mu, domain)
         return Density(strain_energy(f, lam, mu, material.volumetric))
     numbers = {k: _constant(v, domain) for k, v in material if isinstance(v, float)}
-    c, out_of_plane = f.T * f, 3 - d
+    scaled = material.model_copy(update=numbers)
+    return _of_strain(f.T * f, j if dilation is None else dilation, scaled, directions, squared)
+
+
+def _of_strain(
+    c: Expression,
+    j: Expression,
+    material: Material,
+    directions: Sequence[Expression],
+    squared: Expression = 1.0,
+) -> Density:
+    """W of C, (d, d), times a factor, and of J; the moduli of the material may be expressions."""
+    out_of_plane = 3 - c.ufl_shape[0]
     i1 = squared * ufl.tr(c) + out_of_plane
     i2 = (i1**2 - squared**2 * ufl.tr(c * c) - out_of_plane) / 2
-    expressions = [i1, i2, j if dilation is None else dilation]
+    expressions = [i1, i2, j]
     for direction in directions:
         expressions += _along(direction, c, squared)
     x1, x2, x3, *rest = variables = [ufl.variable(x) for x in expressions]
@@ -159,8 +183,7 @@ def density_of(
         FibreInvariants(stretch, fifth - x1 * stretch + x2)
         for stretch, fifth in zip(rest[::2], rest[1::2], strict=True)
     )
-    scaled = material.model_copy(update=numbers)
-    return Density(scaled.energy(Invariants(x1, x2, x3, families), UFL), tuple(variables))
+    return Density(material.energy(Invariants(x1, x2, x3, families), UFL), tuple(variables))
 
 
 def _along(direction: Expression, c: Expression, squared: Expression) -> list[Expression]:
@@ -308,6 +331,50 @@ def variations(density: Density, state: Any) -> Variations:
             if not isinstance(curvature, Zero):
                 second.append(curvature * of_test * of_trial)
     return Variations(density.value, sum(first[1:], first[0]), sum(second[1:], second[0]))
+
+
+def variations_between(
+    material: Material, before: Any, state: Any, directions: Sequence[Expression] = ()
+) -> Variations:
+    """Forces between two states, functions of one space, as variations of the energy of the last.
+
+    `second` is the derivative of `first` by the last state but for what is of second order in the
+    change of strains.
+    """
+    space = state.function_space
+    test, trial = ufl.TestFunction(space), ufl.TrialFunction(space)
+    domain = space.mesh
+    numbers = {k: _constant(v, domain) for k, v in material if isinstance(v, float)}
+    scaled = material.model_copy(update=numbers)
+    f, last = deformation_gradient(before), deformation_gradient(state)
+    c, middle = (f.T * f, last.T * last), (f + last) / 2
+    change, half = c[1] - c[0], ufl.variable((c[0] + c[1]) / 2)
+    ends = [_of_strain(each, ufl.sqrt(ufl.det(each)), scaled, directions).value for each in c]
+    density = _of_strain(half, ufl.sqrt(ufl.det(half)), scaled, directions)
+    growth = middle.T * ufl.grad(test)
+    growth = growth + growth.T  # δC
+    first, second, rest, terms = [], [], ends[1] - ends[0], []
+    for variable in density.invariants:
+        slope = _plain(ufl.diff(density.value, variable))
+        if isinstance(slope, Zero):
+            continue
+        by_strain = _plain(ufl.diff(variable.ufl_operands[0], half))
+        of_test = ufl.inner(by_strain, growth)
+        rest = rest - slope * ufl.inner(by_strain, change)
+        first.append(slope * of_test)
+        second.append(slope * ufl.derivative(of_test, state, trial))
+        terms.append((variable, slope, of_test, ufl.derivative(variable, state, trial)))
+    for variable, _, _, of_trial in terms:
+        for _, slope, of_test, _ in terms:
+            curvature = _plain(ufl.diff(slope, variable))
+            if not isinstance(curvature, Zero):
+                second.append(curvature * of_test * of_trial)
+    square = ufl.inner(change, change)
+    changes = ufl.gt(square, SAME**2)
+    factor = ufl.conditional(changes, rest / ufl.conditional(changes, square, 1.0), 0.0)
+    first.append(factor * ufl.inner(change, growth))
+    second.append(factor * ufl.derivative(ufl.inner(change, growth), state, trial))
+    return Variations(ends[1], sum(first[1:], first[0]), sum(second[1:], second[0]))
 
 
 def _plain(derivative: Expression) -> Expression:

@@ -177,17 +177,23 @@ class Way:
     ----------
     points : array, (n, d)
         Displacements of the tool from its place in m, in turn; none if it does not move.
+
+    Attributes
+    ----------
+    length : float
+        In m.
     """
 
     def __init__(self, points: Array) -> None:
         self._points = np.concatenate([points, np.zeros((1, points.shape[1]))])
         lengths = np.linalg.norm(np.diff(self._points, axis=0), axis=1)
         reached = np.concatenate([[0.0], np.cumsum(lengths)])
+        self.length = float(reached[-1])
         self._parts = reached / reached[-1] if reached[-1] > 0 else reached
 
     def at(self, factor: float) -> Array:
         """Displacement a(s) of the tool from its place in m, (d,)."""
-        if self._parts[-1] == 0:
+        if self.length == 0:
             return np.asarray(self._points[-1])
         return np.array([np.interp(factor, self._parts, axis) for axis in self._points.T])
 
@@ -266,13 +272,20 @@ class ToolContact:
         self._at: _Iterate | None = None  # of the last tangent
 
     @property
+    def way_length(self) -> float:
+        """How far the tool, or its surface as it grows, goes from s = 0 to 1, in m."""
+        return self._way.length + self.depth
+
+    @property
     def round_off(self) -> float:
         """What rounding of distances leaves of the last forces, in N: ε of lengths, times ‖k‖₂."""
         return self._rounding * float(np.linalg.norm(self._k[self._bears]))
 
-    def penetration(self, u: Array) -> float:
+    def penetration(self, u: Array, factor: float = 1.0) -> float:
         """Largest depth of a node inside the tool, of a displacement (n_nodes, d), in m."""
-        return max(0.0, -float(self.tool.gap(self._coordinates + u).min()))
+        away = self._coordinates + u - self._way.at(factor)
+        gap = self.tool.gap(away) + (1 - factor) * self.depth
+        return max(0.0, -float(gap.min()))
 
     def forces(self, u: Array, factor: float = 1.0) -> Array:
         """Forces of the tool on the nodes, (n_nodes, d) in m → same in N.

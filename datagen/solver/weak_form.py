@@ -52,6 +52,7 @@ from datagen.solver.strain_energy import (
     density_of,
     longitudinal_modulus,
     variations,
+    variations_between,
 )
 from shared_schema.materials import Material
 
@@ -107,6 +108,8 @@ class WeakForm:
         (`mean_dilation.c`).
     fibres : FibreField, or None
         Directions of the fibres of the materials.
+    is_between : bool
+        Forces are those between two states, of which `FormLoop.give` gives the first.
     """
 
     energy: Any
@@ -117,11 +120,26 @@ class WeakForm:
     eliminations: Mapping[int, Elimination] | None = None
     before: NDArray[np.float64] | None = None
     fibres: FibreField | None = None
+    is_between: bool = False
+
+    @property
+    def first_given(self) -> int:
+        """Column of what is given of a cell from which the first of two states is."""
+        return 0 if self.fibres is None else self.fibres.values.shape[1]
 
     def loop(
-        self, compiled: Any, unknowns: Unknowns, places: NDArray[np.int32], size: int
+        self,
+        compiled: Any,
+        unknowns: Unknowns,
+        places: NDArray[np.int32],
+        size: int,
+        values: NDArray[np.float64] | None = None,
     ) -> FormLoop:
         """Loop over this rank's own cells that evaluates one of the forms."""
+        given = None if self.fibres is None else self.fibres.values[: len(places)]
+        if self.is_between:
+            before = np.zeros(unknowns.cell_dofs.shape)
+            given = before if given is None else np.concatenate([given, before], axis=1)
         return FormLoop(
             kernels_of(compiled) if self.moduli is None else self.moduli.kernels_of(compiled),
             unknowns.state,
@@ -130,7 +148,8 @@ class WeakForm:
             size,
             self.parts,
             self.eliminations,
-            None if self.fibres is None else self.fibres.values,
+            given,
+            values,
         )
 
 
@@ -141,6 +160,7 @@ def weak_form(
     size: float,
     parts: NDArray[np.int64] | None = None,
     fibres: FibreField | None = None,
+    between: bool = False,
 ) -> WeakForm:
     """Derive and compile the forms (collective over the ranks of the mesh).
 
@@ -156,16 +176,22 @@ def weak_form(
         Position of each cell's material in the sequence.
     fibres : FibreField, optional
         Directions of the fibres of the materials.
+    between : bool
+        Forces between two states (`variations_between`), of elements without a dilation of their
+        own.
     """
     state = unknowns.state
     domain = state.function_space.mesh
     d = domain.geometry.dim
     dx = ufl.Measure("dx", domain, metadata={"quadrature_degree": kind.quadrature_degree})
     several = [(-1, material)] if isinstance(material, Material) else list(enumerate(material))
-    function: Any = None  # of the directions; made when the state exists, which comes first
+    # Coefficients of the directions and of the state before; made when the state exists.
+    function = before = None
 
     def varied(f: Any, part: int, material: Material, dilation: Any = None) -> Variations:
         directions = [] if fibres is None else fibres.directions(function, max(part, 0))
+        if before is not None:
+            return variations_between(material, before, state, directions)
         return variations(density_of(f, material, domain, dilation, directions), state)
 
     own_parts = None
@@ -184,9 +210,15 @@ def weak_form(
         state = dolfinx.fem.Function(mixed_space(domain, kind.degree, d, ("DG", 0)))
     if fibres is not None:
         function = fibres.function()
+    if between:
+        before = dolfinx.fem.Function(state.function_space)
     if kind.dilation == "pointwise":
         f = deformation_gradient(state)
-        if own_parts is not None and of_one_model([each for _, each in several], fibres):
+        if (
+            not between
+            and own_parts is not None
+            and of_one_model([each for _, each in several], fibres)
+        ):
             densities = [varied(f, part, each) for part, each in several]
             energies = [each.value * dx for each in densities]
             values = np.array([[float(c.value) for c in each.constants()] for each in energies])
@@ -194,7 +226,7 @@ def weak_form(
             forms = _compiled([(densities[0], dx)])
             return WeakForm(*forms, own_parts, moduli, fibres=fibres)
         forms = _compiled([(varied(f, part, each), measures[part]) for part, each in several])
-        return WeakForm(*forms, own_parts, fibres=fibres)
+        return WeakForm(*forms, own_parts, fibres=fibres, is_between=between)
     if kind.dilation == "cell":
         u, dilation, pressure = ufl.split(state)
     else:
