@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from datagen.farm.body_dataset import body
     from datagen.farm.farm import run
     from datagen.mesh.repair import repair
-    from datagen.motion import MovedBody, move
+    from datagen.motion.moved_body import MovedBody, move
     from datagen.output.dataset_figure import plot_dataset as plot
     from datagen.output.dataset_info import info
     from datagen.output.paraview_series import export

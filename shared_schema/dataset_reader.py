@@ -171,6 +171,11 @@ class DatasetReader:
         path = self.folder / self.manifest.shards[0].file
         return name in read_arrays(path, self.manifest.kind, (name,))
 
+    def require_equilibria(self) -> None:
+        """Raise InputError if the samples are motions."""
+        if self.manifest.case.get("time") is not None:
+            raise InputError(f"{self.folder}: the samples are motions, expected equilibria")
+
     def unstable(self) -> Numbers | None:
         """Numbers of the unstable samples, ascending; None if no shard says which are stable."""
         numbers, known = [], False

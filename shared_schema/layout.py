@@ -8,7 +8,7 @@ Axes are named: ``sample``, ``node``, ``dim`` (space dimension d), ``cell``, ``c
 (of a family of shapes); ``family`` (of fibres); ``pose`` (centre and
 radius of a ball); ``between`` (points of quadratic elements between the nodes, in the order of
 `shared_schema.common.bodies.points_between`); ``actuator`` (of the case, in the order of their
-names).
+names); ``frame`` (of a motion).
 An axis has the same length wherever it appears in one shard, and all axes but ``sample``,
 ``failed`` have the same length in every shard of a dataset.
 """
@@ -96,6 +96,13 @@ samples/actuation : float64 (sample, actuator) 1, optional — what is given of 
 samples/amplitude : float64 (sample, actuator) 1, optional — tensions in N and pressures in Pa;
     `force` includes their forces on the undeformed body
 samples/quantity : float64 (sample, actuator) 1, optional — lengths in m and volumes in m³"""
+FRAMES = """\
+frames/time : float64 (frame) s, optional — times of the frames, if the samples are motions;
+    `displacement` is then that at the end
+samples/frame_displacement : float64 (sample, frame, node, dim) m, optional — displacement of every
+    node in each frame
+samples/frame_velocity : float64 (sample, frame, node, dim) m/s, optional — its velocity
+samples/frame_factor : float64 (sample, frame) 1, optional — part of the load that acts"""
 SPLIT = """\
 samples/number : int64 (sample) 1 — sample number
 samples/is_test : bool (sample) 1 — belongs to the test split"""
@@ -138,6 +145,7 @@ samples/cutbacks : int64 (sample) 1 — failed load steps, cut back
 samples/newton_iterations : int64 (sample) 1 — Newton iterations of all load steps
 samples/residual_norm : float64 (sample) N — 2-norm of the last residual
 samples/wall_time : float64 (sample) s — time that the solve took
+{FRAMES}
 samples/pressure : float64 (sample, surface) Pa, optional — pressure on each surface; `force`
     includes its forces on the undeformed body
 samples/tool : float64 (sample, pose) m, optional — centre and radius of the rigid ball that pushes

@@ -147,7 +147,7 @@ def _solve(options: argparse.Namespace) -> None:
 def _move(options: argparse.Namespace, comm: Any) -> None:
     """Let the body move, on all ranks together, and say how."""
     from datagen import move
-    from datagen.motion import FORMATS
+    from datagen.motion.moved_body import FORMATS
 
     if options.start is not None or options.stresses:
         raise InputError("--start and --stresses: expected without --duration")

@@ -208,11 +208,13 @@ def _make_piece(
 
     The result is what is wrong with a load case that the family drew, if anything is.
     """
-    job = ShardJob(case, body, piece.numbers)
+    job = ShardJob(case, body, piece.numbers, journal.rest, stopped)
     wrong = None
     while not (wrong or job.is_complete or stopped()):
         try:
             count(job.solve_next())
+        except StoppedError:
+            break
         except InputError as error:
             wrong = error
         is_first = group.is_leader and piece.numbers[0] == 0
@@ -229,6 +231,7 @@ def _keep(journal: Journal, cell_type: str, piece: Piece, job: ShardJob) -> None
         journal.finish(piece.shard, [*journal.parts(piece.shard), job.arrays()], cell_type)
     elif job.done:
         journal.keep_part(piece.shard, job.arrays(), cell_type)
+    job.forget()
 
 
 def _require_same_loads(case: Case, path: Path) -> None:

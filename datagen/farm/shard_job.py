@@ -1,25 +1,39 @@
-"""Load cases of one shard, solved one after the other."""
+"""Load cases of one shard, solved one after the other: equilibria, or motions.
+
+A motion keeps what it has every `KEEP` steps, beside the parts of the shard, and goes on from there
+after an interruption, to the same frames.
+"""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 
 from datagen.cases.body import Body
 from datagen.cases.case import Case
+from datagen.motion.time_stepping import Motion, MotionError
+from datagen.motion.trajectory import Drive, begin_motion, end_motion
 from datagen.ranks import on_rank_zero
 from datagen.solver.following_loads import found_actuation
 from datagen.solver.load_stepping import solve_load_case
-from datagen.solver.tool_contact import INSIDE, touched
+from datagen.solver.tool_contact import INSIDE, ToolContact, touched
 from datagen.stability import with_stability
 from shared_schema.common.bodies.equilibrium import size_warning
-from shared_schema.common.errors import InputError
-from shared_schema.samples.results import Result, not_begun, result_arrays
-from shared_schema.tools import Sphere
+from shared_schema.common.errors import InputError, StoppedError
+from shared_schema.common.files import complete_or_absent
+from shared_schema.loads import Load
+from shared_schema.motion import TimeSettings
+from shared_schema.samples.results import Result, SolveReport, not_begun, result_arrays
+from shared_schema.tools import Contact, Sphere
+
+KEEP = 50
+NAMES = "factor", "displacement", "velocity"
 
 
 @dataclass
@@ -35,6 +49,10 @@ class ShardJob:
         Body of the group; `solve_next` is collective over its ranks.
     numbers : sequence of int
         Sample numbers of the load cases, in the order of solution.
+    folder : Path
+        Where motions keep what they have.
+    stopped : callable
+        Says whether the work is to be left; collective.
     results : list of Result
         Of the load cases so far.
     """
@@ -42,6 +60,8 @@ class ShardJob:
     case: Case
     body: Body
     numbers: Sequence[int]
+    folder: Path
+    stopped: Callable[[], bool] = lambda: False
     results: list[Result] = field(default_factory=list)
 
     @property
@@ -76,6 +96,8 @@ class ShardJob:
         ------
         InputError
             On every rank of the group, if the load family draws no load case.
+        StoppedError
+            If a motion was left.
         """
         body, shapes, number = self.body, self.body.mesh.shapes, self.number
         if shapes is None:
@@ -96,7 +118,9 @@ class ShardJob:
         case, problem, number = self.case, body.problem, self.number
         load = on_rank_zero(body.mesh.domain.comm, lambda: body.loads[number])
         began = time.perf_counter()
-        self._put(body, load.tool)
+        if case.time is not None:
+            return self._move(body, load, case.time)
+        problem.load.contact = self._put(body, load.tool)
         acting = problem, load.nodes, load.forces, case.solver
         driven = load.controls, load.displacement
         report = solve_load_case(*acting, *driven, between=load.between)
@@ -115,15 +139,75 @@ class ShardJob:
         )
         return report.solved
 
-    def _put(self, body: Body, tool: Sphere | None) -> None:
-        """Put the tool where it shall be, or away (collective)."""
+    def _move(self, body: Body, load: Load, settings: TimeSettings) -> bool:
+        """Take all steps of the next load case on a body (collective)."""
+        case, number, began = self.case, self.number, time.perf_counter()
+        over_time = settings.load_over_time(case.dataset.seed, number)
+        drive = Drive(
+            *(load.nodes, load.forces, load.controls, load.displacement, load.between),
+            touch=lambda: self._put(body, load.tool),
+        )
+        kept = _Kept(self.folder, number, body, settings)
+        motion, said = None, ""
+        try:
+            motion = begin_motion(body, settings, over_time, drive)
+            kept.resume(motion)
+            while motion.number < settings.steps:
+                motion.step()
+                kept.take(motion)
+                if motion.number % KEEP == 0 and self.stopped():
+                    raise StoppedError
+        except MotionError as error:
+            said = str(error)
+        except InputError as error:
+            raise InputError(f"sample {number}: {error}") from None
+        finally:
+            reached = 0.0 if motion is None else motion.number / settings.steps
+            if motion is not None and not said:
+                touch, factor = motion.problem.load.contact, motion.problem.load_factor
+                contact = None
+                if load.tool is not None:
+                    contact = Contact(np.zeros(body.mesh.coordinates.shape), 0.0)
+                    if touch is not None:
+                        contact = touch.found(motion.problem.displacement(), factor)
+                actuated = found_actuation(motion.problem, len(load.actuation))
+            end_motion(body, motion)
+        last = None if motion is None else motion.last
+        report = SolveReport(
+            solved=not said,
+            reason=0 if last is None else last.reason,
+            explanation=said,
+            load_factor=1.0 if not said else reached,
+            load_steps=0 if motion is None else motion.number,
+            cutbacks=0 if motion is None else motion.halvings,
+            newton_iterations=0 if motion is None else motion.iterations,
+            residual_norm=0.0 if last is None else last.residual_norm,
+        )
+        elapsed = time.perf_counter() - began
+        if said:
+            failed = Result(number, load, None, None, np.empty(0), report, elapsed)
+            self.results.append(failed)
+            return False
+        grip = None if load.is_dead else np.zeros(body.loads.positions.shape)
+        whole = kept.displacement[-1], report, elapsed, actuated, kept.frames
+        self.results.append(Result(number, load, grip, contact, *whole))
+        return True
+
+    def forget(self) -> None:
+        """Remove what is kept of motions whose frames are in a shard, or in a part of one."""
+        for result in self.results:
+            for path in self.folder.glob(f"motion-{result.number:08d}-*"):
+                path.unlink(missing_ok=True)
+
+    def _put(self, body: Body, tool: Sphere | None) -> ToolContact | None:
+        """Contact of the tool where it shall be, if there is one (collective)."""
         problem = body.problem
         problem.load.contact = None
         if tool is None:
-            return
+            return None
         problem.reset()
         try:
-            problem.load.contact = touched(problem, tool, body.surface)
+            return touched(problem, tool, body.surface)
         except InputError as error:
             raise InputError(f"sample {self.number}: {error}") from None
 
@@ -135,6 +219,74 @@ class ShardJob:
 
     def arrays(self) -> dict[str, Any]:
         """Results so far as arrays, by their paths in the schema of a nodal shard."""
+        settings = self.case.time
+        times = None if settings is None else settings.step * np.array(settings.frames)
         return self.body.shard_arrays() | result_arrays(
-            self.body.loads, self.results, self.body.mesh.shapes
+            self.body.loads, self.results, self.body.mesh.shapes, times
         )
+
+
+class _Kept:
+    """Frames of a motion so far, and the file of a rank from which it goes on.
+
+    Parameters
+    ----------
+    folder : Path
+    number : int
+        Of the sample.
+    body : Body
+    settings : TimeSettings
+
+    Attributes
+    ----------
+    factor, displacement, velocity : list of float, or of array (n_nodes, d)
+        Of every frame.
+    """
+
+    def __init__(self, folder: Path, number: int, body: Body, settings: TimeSettings) -> None:
+        self._comm, self._wanted = body.mesh.domain.comm, set(settings.frames)
+        rank = f"{self._comm.rank}-of-{self._comm.size}"
+        self._path = folder / f"motion-{number:08d}-{rank}.npz"
+        self._last = settings.steps
+        self.factor: list[Any] = []
+        self.displacement: list[Any] = []
+        self.velocity: list[Any] = []
+
+    @property
+    def frames(self) -> tuple[Any, ...]:
+        """Factors, displacements and velocities."""
+        return tuple(map(np.array, (self.factor, self.displacement, self.velocity)))
+
+    def resume(self, motion: Motion) -> None:
+        """Go on from the file, if all ranks have one of the same step; else from the begin."""
+        found = self._read()
+        steps = self._comm.allgather(-1 if found is None else int(found["numbers"][0]))
+        if found is None or min(steps) < 0 or len(set(steps)) > 1:
+            self._add(motion)
+            return
+        motion.restore(found)
+        for name in NAMES:
+            setattr(self, name, list(found[name]))
+
+    def take(self, motion: Motion) -> None:
+        """Take a frame after a step, and write the file at times (collective)."""
+        if motion.number in self._wanted:
+            self._add(motion)
+        if motion.number % KEEP and motion.number != self._last:
+            return
+        arrays = {**motion.state(), **dict(zip(NAMES, self.frames, strict=True))}
+        self._path.parent.mkdir(exist_ok=True)
+        with complete_or_absent(self._path) as partial, partial.open("wb") as file:
+            np.savez(file, **arrays)
+
+    def _add(self, motion: Motion) -> None:
+        frame = motion.frame()
+        for name in NAMES:
+            getattr(self, name).append(getattr(frame, name))
+
+    def _read(self) -> dict[str, Any] | None:
+        try:
+            with np.load(self._path) as arrays:
+                return dict(arrays)
+        except (OSError, ValueError, BadZipFile):
+            return None

@@ -16,6 +16,7 @@ from shared_schema.common.units import Units
 from shared_schema.dataset_reader import DatasetReader, unstable_samples
 from shared_schema.layout import NO_NODE, Arrays
 from shared_schema.manifest import Manifest, find_unfinished, growing
+from shared_schema.motion import TimeSettings
 
 Row = tuple[str, str]
 
@@ -46,7 +47,7 @@ def info(dataset: Path | str) -> dict[str, str]:
     reader = DatasetReader(folder)
     rows = _common(reader.manifest, reader.body)
     rows += _solver(reader.manifest)
-    rows += _elements(reader)
+    rows += _elements(reader) + _motion(reader)
     unstable = reader.unstable()
     if unstable is not None:
         rows.append(("stability", unstable_samples(unstable)))
@@ -91,6 +92,21 @@ def _elements(reader: DatasetReader) -> list[Row]:
     if reader.manifest.forces is None:
         where = "the corners of the cells alone, as in datasets of earlier versions"
     return [("distributed loads on", where)]
+
+
+def _motion(reader: DatasetReader) -> list[Row]:
+    """Frames and scheme, if the samples are motions."""
+    content = reader.manifest.case.get("time")
+    if content is None:
+        return []
+    settings = TimeSettings.model_validate(content)
+    return [
+        (
+            "motion",
+            f"{len(settings.frames)} frames to {settings.steps * settings.step:g} s, "
+            f"{settings.steps} steps, {settings.scheme}",
+        )
+    ]
 
 
 def _solver(manifest: Manifest) -> list[Row]:

@@ -13,7 +13,7 @@ part of the load that acts. Newton's method (`datagen.solver.newton`) finds u wi
 :math:`K = ∂f_{int}/∂u - ∂f_p/∂u`. In the rows of known displacements
 (`datagen.solver.supports`) the residual is u, or :math:`u - s \bar u`, and the tangent is the
 identity; the first step moves the rest of the body with a prescribed displacement. In a time step,
-inertia and damping (`datagen.solver.inertia`) add to forces and tangent.
+inertia and damping (`datagen.motion.inertia`) add to forces and tangent.
 
 Quadratic elements have displacements between the nodes of the mesh as well, and incompressible
 triangles and tetrahedra dilations and pressures (`datagen.discretisation`); u and R then hold all
@@ -39,7 +39,7 @@ from datagen.discretisation.unknowns import Unknowns
 from datagen.dolfinx_versions import create_vector
 from datagen.mesh.distributed_mesh import Mesh
 from datagen.solver.acting_load import ActingLoad
-from datagen.solver.assembly import Assembly, Internal, MinimumJ
+from datagen.solver.assembly import Assembly, Internal, MinimumJ, Term
 from datagen.solver.bordered_newton import (
     Border,
     UnknownAmplitudes,
@@ -47,7 +47,6 @@ from datagen.solver.bordered_newton import (
     solve_bordered,
 )
 from datagen.solver.corotation import Corotation
-from datagen.solver.inertia import Inertia
 from datagen.solver.linear_solver import chosen_solver
 from datagen.solver.load_series import LoadSeries
 from datagen.solver.newton import Newton, NewtonResult, reason_name, round_off
@@ -62,8 +61,8 @@ from shared_schema.materials import Material
 
 INVERTED = "inverted element (J <= 0)"
 LINEAR_LOADS = 1e6  # loads below so many times the rounding errors of the residual at rest
-SLOW = 0.25  # of a residual, that a step with a tangent of before may leave
-FRESH = 8  # last iterations of Newton's method, whose tangents are of the present state
+SLOW = 0.6  # of a residual, that an iteration with a tangent of before may leave
+KEPT = 40  # iterations of Newton's method with tangents of before, beyond those of the settings
 
 
 class EquilibriumProblem:
@@ -129,7 +128,7 @@ class EquilibriumProblem:
         Forces that hold the body back, of a state that is not in equilibrium yet.
     assembly : Assembly
         Forces and tangent of the cells.
-    inertia : Inertia or None
+    inertia : Term or None
         Inertia and damping, in a time step (`move`).
     inertia_norm : float
         2-norm of the largest forces of inertia in N, beside which a residual is small.
@@ -179,7 +178,7 @@ class EquilibriumProblem:
         self._energy = self.forms.loop(self.forms.energy, self.unknowns, to_one, 1)
         self.load_factor = 0.0
         self.drag: Drag | None = None
-        self.inertia: Inertia | None = None
+        self.inertia: Term | None = None
         self.inertia_norm = 0.0
         self.keeps_tangent = self.has_tangent = False
         self._last_norm = np.inf
@@ -451,12 +450,12 @@ class EquilibriumProblem:
         self._predict_from_here()
         return self.next_tangent()
 
-    def move(self, inertia: Inertia | None, between: bool = False) -> Internal:
+    def move(self, inertia: Term | None, between: bool = False) -> Internal:
         """Let inertia act from now on, or no longer; return the internal forces (collective).
 
         Parameters
         ----------
-        inertia : Inertia, optional
+        inertia : Term, optional
         between : bool
             Internal forces are those between two states.
         """
@@ -477,6 +476,7 @@ class EquilibriumProblem:
         size = mean_edge(self.mesh.coordinates, self.mesh.cells)
         self._round_off = round_off(self.tangent(), size)
         self.keeps_tangent = keeps_tangent and self.forms.before is None
+        self.newton.iterate_directly(self._settings.max_iterations + KEPT * self.keeps_tangent)
 
     def tangent_of_last_step(self) -> PETSc.Mat | None:
         """K before the last Newton step, if it is that at the current state as well, else None."""
@@ -560,4 +560,4 @@ class EquilibriumProblem:
             return False
         if iteration == 0:
             return True
-        return norm <= SLOW * before and iteration < self._settings.max_iterations - FRESH
+        return norm <= SLOW * before and iteration < KEPT

@@ -200,6 +200,10 @@ class Newton:
             self._direct.setTolerances(atol=self._limit)
         return self._direct
 
+    def iterate_directly(self, most: int) -> None:
+        """Set the largest number of iterations with LU."""
+        self._direct_snes().setTolerances(max_it=most)
+
     def direct_solver(self) -> PETSc.KSP:
         """Solver of linear systems by LU."""
         return self._direct_snes().getKSP()

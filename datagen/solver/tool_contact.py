@@ -336,9 +336,9 @@ class ToolContact:
             at = self._touching(self._positions(u, factor), factor)
             self.friction.settle(at.positions, self.friction.forces(at))
 
-    def found(self, u: Array) -> Contact:
+    def found(self, u: Array, factor: float = 1.0) -> Contact:
         """Describe the contact in an equilibrium, (n_nodes, d) in m."""
-        return Contact(self.forces(u), self.penetration(u))
+        return Contact(self.forces(u, factor), self.penetration(u, factor))
 
     def state(self) -> tuple[Array, Array | None]:
         """Copy λ and τ."""

@@ -63,6 +63,7 @@ def add_noise(
     if not 0 <= seed <= LARGEST_SEED:
         raise InputError(f"--seed {seed}: expected a number from 0 to {LARGEST_SEED}")
     folder, reader = Path(out), DatasetReader(Path(nodal), "nodal")
+    reader.require_equilibria()
     manifest = reader.manifest
     step: dict[str, Any] = {
         "name": "noise",

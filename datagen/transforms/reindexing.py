@@ -106,6 +106,7 @@ def structure(
         raise InputError(f"--order-seed {order_seed}: expected a number from 0 to {LARGEST_SEED}")
     source, folder = Path(nodal), Path(out)
     reader = DatasetReader(source, "nodal")
+    reader.require_equilibria()
     manifest = reader.manifest
     settings = _settings(manifest, str(source / MANIFEST))
     if manifest.samples < 2:

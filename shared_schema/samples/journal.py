@@ -88,6 +88,11 @@ class Journal:
         self._before: Manifest | None = None
 
     @property
+    def rest(self) -> Path:
+        """Folder for what is kept of unfinished samples; removed when all are finished."""
+        return self._journal
+
+    @property
     def is_new(self) -> bool:
         """True if no run has begun in the folder; InputError if the folder cannot be written to."""
         require_writable(self.folder)

@@ -83,6 +83,8 @@ class Result:
         In s.
     actuated : array, (n_actuators, 2), or None
         Pressure or tension of each actuator, and its volume or length.
+    frames : tuple of arrays, or None
+        Of a motion: factors, displacements in m and velocities in m/s.
     """
 
     number: int
@@ -93,6 +95,7 @@ class Result:
     report: SolveReport
     wall_time: float
     actuated: NDArray[np.float64] | None = None
+    frames: tuple[NDArray[np.float64], ...] | None = None
 
 
 def not_begun(number: int, load: Load, reason: str) -> Result:
@@ -102,7 +105,10 @@ def not_begun(number: int, load: Load, reason: str) -> Result:
 
 
 def result_arrays(
-    loads: LoadsTogether, results: Sequence[Result], shapes: ShapeFamily | None = None
+    loads: LoadsTogether,
+    results: Sequence[Result],
+    shapes: ShapeFamily | None = None,
+    times: NDArray[np.float64] | None = None,
 ) -> dict[str, Any]:
     """Results as arrays, by their paths in the schema of a nodal shard, without those of the mesh.
 
@@ -113,6 +119,8 @@ def result_arrays(
     results : sequence of Result
     shapes : ShapeFamily, optional
         Shapes of which every sample has its own.
+    times : array, (n_frames,), optional
+        Times in s of the frames of motions.
     """
     nodes, dimension = loads.held.shape
     every = sorted(results, key=lambda result: result.number)
@@ -132,6 +140,7 @@ def result_arrays(
         **{
             f"samples/{name}": np.array([getattr(s.report, of) for s in solved], dtype=kind)
             for name, of, kind in OF_REPORT
+            if times is None or name != "stable"
         },
         "samples/wall_time": np.array([s.wall_time for s in solved], dtype=np.float64),
         "failed/number": np.array([f.number for f in failed], dtype=np.int64),
@@ -145,6 +154,7 @@ def result_arrays(
         **_poses(loads, solved),
         **({} if shapes is None else _shapes(loads, solved, failed, shapes)),
         **_actuation(loads, solved, failed),
+        **({} if times is None else _frames(solved, times, loads.held.shape)),
     }
 
 
@@ -232,6 +242,21 @@ def _actuation(
     return given | {
         "samples/amplitude": found[:, :, 0],
         "samples/quantity": found[:, :, 1],
+    }
+
+
+def _frames(
+    solved: Sequence[Result], times: NDArray[np.float64], shape: tuple[int, ...]
+) -> dict[str, Any]:
+    """Frames of the samples, which are motions."""
+    moved = [result.frames for result in solved if result.frames is not None]
+    factor, displacement, velocity = (np.array([each[i] for each in moved]) for i in range(3))
+    whole = (len(moved), len(times), *shape)
+    return {
+        "frames/time": times,
+        "samples/frame_factor": factor.reshape(whole[:2]),
+        "samples/frame_displacement": displacement.reshape(whole),
+        "samples/frame_velocity": velocity.reshape(whole),
     }
 
 

@@ -47,7 +47,7 @@ LAYERS = {  # packages and root modules; imports go downwards, or anywhere insid
         ["solver"],
         ["stability"],
         ["cases"],
-        ["loaded_case", "trajectory"],
+        ["loaded_case"],
         ["farm", "transforms", "output", "solution", "motion"],
         ["contrib"],
         ["commands", "command_line"],

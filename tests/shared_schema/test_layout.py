@@ -18,7 +18,7 @@ def test_paths_are_unique(kind: FileKind) -> None:
 def test_types_units_and_descriptions(kind: FileKind) -> None:
     for layout in LAYOUTS[kind]:
         assert layout.dtype == "str" or np.dtype(layout.dtype).name == layout.dtype
-        assert layout.units in ("1", "m", "N", "N/m", "Pa", "s")
+        assert layout.units in ("1", "m", "m/s", "N", "N/m", "Pa", "s")
         assert layout.description
         assert layout.axes
 

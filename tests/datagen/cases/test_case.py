@@ -138,7 +138,7 @@ def test_changed_keys() -> None:
             r"key 'material.poisson_ratio' = 0.5: .*less than 0.5",
         ),
         (("material", "poisson_ratio"), -1, "greater than -1"),
-        (("material", "density"), 1000, "unknown key 'material.density'"),
+        (("material", "weight"), 1000, "unknown key 'material.weight'"),
         (("material", "volumetric"), "cubic", "'paper' or 'quadratic'"),
         (("colour",), "red", "unknown key 'colour'"),
         (("load", "range"), [1, -1], "low < high"),

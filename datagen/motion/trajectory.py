@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from datagen.cases.body import Body
+from datagen.motion.time_stepping import Frame, Motion, MotionError, inertia_of
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.load_stepping import solve_load_case
-from datagen.solver.time_stepping import Frame, Motion, MotionError, inertia_of
 from datagen.solver.tool_contact import ToolContact
 from datagen.stability import with_stability
 from shared_schema.actuators import Control
+from shared_schema.common.bodies.following_loads import FollowingLoad
 from shared_schema.common.errors import InputError
 from shared_schema.motion import LoadOverTime, TimeSettings
 
@@ -128,7 +129,9 @@ def _released(body: Body) -> EquilibriumProblem:
     """Problem of the body in its present state without its grips."""
     case, held = body.case, body.problem
     known = body.mesh, case.material, body.held, case.solver, case.element, body.parts
-    problem = EquilibriumProblem(*known, fibres=body.fibres)
+    following: Sequence[FollowingLoad]
+    following = () if held.load.following is None else held.load.following.loads
+    problem = EquilibriumProblem(*known, following=following, fibres=body.fibres)
     problem.meanwhile = held.meanwhile
     problem.restore(held.state())
     return problem

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from datagen.cases.case import Case, CaseSource, read_case
 from datagen.loaded_case import LoadedCase, Pushing, loaded_case
+from datagen.motion.trajectory import Drive, Trajectory, begin_motion, end_motion, frames_of
 from datagen.output.paraview_series import SUFFIXES, Timed, write_series
-from datagen.trajectory import Drive, Trajectory, begin_motion, end_motion, frames_of
 from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.bodies.command_loads import Loads
 from shared_schema.common.configuration import validate

@@ -1,12 +1,13 @@
 r"""Motion of a body, time step by time step.
 
 Each step is an equilibrium with springs to where the body would coast to
-(`shared_schema.motion.scheme`, `datagen.solver.inertia`). Newton's method begins at
+(`shared_schema.motion.scheme`, `datagen.motion.inertia`). Newton's method begins at that of
 
-.. math:: u + h v + \tfrac12 h^2 a ,
+.. math:: u + h v + \tfrac12 h^2 a , \qquad u + h v , \qquad u
 
-or, where that fails, at u. It goes on with the factors of an earlier tangent as long as residuals
-fall fast enough. A step that fails in any case is taken in two halves, these in two, and so on.
+with the smallest residual or, where that fails, at u. It goes on with the factors of an earlier
+tangent as long as residuals fall fast enough. A step that fails in any case is taken in two
+halves, these in two, and so on.
 
 All that drives the body grows with the factor s(t) of the load: forces, pressures, what is given of
 actuators, prescribed displacements, and the tool on its way. A body that is let go is in
@@ -18,16 +19,18 @@ strain energy lack of it has been dissipated, by damping and by the scheme.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
+from datagen.motion.inertia import Inertia
 from datagen.solver.assembly import Internal
 from datagen.solver.equilibrium import EquilibriumProblem
-from datagen.solver.inertia import Inertia
-from datagen.solver.newton import NewtonResult
+from datagen.solver.newton import NewtonResult, reason_name
 from datagen.solver.tool_contact import INSIDE
 from shared_schema.common.errors import InputError, WorkError
 from shared_schema.materials import Materials, as_tuple
@@ -111,6 +114,10 @@ class Motion:
     problem : EquilibriumProblem
     number, time : int, float
         Number of the last step, and its time in s.
+    halvings, iterations : int
+        Number of steps that were taken in halves, and of Newton iterations.
+    last : NewtonResult or None
+        Of the last step.
     """
 
     def __init__(
@@ -129,6 +136,8 @@ class Motion:
                 "generalised-alpha"
             )
         self.number, self.time, self._work = 0, 0.0, 0.0
+        self.halvings = self.iterations = 0
+        self.last: NewtonResult | None = None
         self._internal: Internal = problem.move(inertia, self._rule.between)
         self._u = problem.state()
         self._v, self._a = np.zeros_like(self._u), np.zeros_like(self._u)
@@ -236,9 +245,10 @@ class Motion:
 
     def _advance(self, h: float, depth: int) -> None:
         """Go on by a time h in s, in halves where that fails."""
-        result = self._attempt(replace(self._rule, step=h))
+        result = self.last = self._attempt(replace(self._rule, step=h))
         if result.converged:
             return
+        self.halvings += 1
         self.problem.restore(self._u)
         if depth == HALVINGS:
             raise MotionError(
@@ -254,10 +264,14 @@ class Motion:
         problem, u, v, a = self.problem, self._u, self._v, self._a
         self._begin(rule)
         factor = self._load.factor(rule.force_time(self.time))
-        ahead = u + rule.step * v + rule.step**2 / 2 * a
-        for start in (ahead, ahead, u):
+        coasting = u + rule.step * v
+        starts = [coasting + rule.step**2 / 2 * a, coasting, u]
+        residuals = [self._residual(start, factor) for start in starts]
+        best = starts[int(np.argmin(residuals))]
+        for start in (best, best, u):
             problem.restore(start)
             result = problem.solve(factor, direct=True)
+            self.iterations += result.iterations
             if result.converged:
                 break
             problem.has_tangent = False
@@ -277,6 +291,12 @@ class Motion:
         self._settle()
         return result
 
+    def _residual(self, state: Array, factor: float) -> float:
+        """2-norm of the residual at a state in N; +∞ where a cell is inverted."""
+        values = self.problem.residual_at(state[: self.problem.unknowns.owned], factor)
+        square = self.problem.comm.allreduce(float(values @ values))
+        return square if np.isfinite(square) else np.inf
+
     def _settle(self) -> None:
         """Let friction begin anew, and see that no node is inside the tool."""
         problem, contact = self.problem, self.problem.load.contact
@@ -287,6 +307,39 @@ class Motion:
         depth = contact.penetration(displacement, problem.load_factor)
         if depth > INSIDE * np.ptp(problem.mesh.coordinates):
             raise MotionError(f"a node is {depth:.3g} m inside the tool at {self.time:.6g} s")
+
+    def state(self) -> dict[str, Any]:
+        """What a rank needs to go on from here, as arrays; the next step has a new tangent."""
+        following, contact = self.problem.load.following, self.problem.load.contact
+        self.problem.has_tangent, last = False, self.last
+        return {
+            "vectors": np.array([self._u, self._v, self._a]),
+            "forces": np.array([self._carried, self._acting]),
+            "numbers": np.array([self.number, self.halvings, self.iterations]),
+            "last": np.array([] if last is None else [last.reason, last.residual_norm]),
+            "scalars": np.array([self._work, self._first_energy, self.problem.inertia_norm]),
+            "found": np.empty(0) if following is None else following.found.copy(),
+            "touch": np.empty(0) if contact is None else contact.state()[0],
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from a state of the same body on as many ranks, without friction."""
+        following, contact = self.problem.load.following, self.problem.load.contact
+        self._u, self._v, self._a = state["vectors"]
+        self._carried, self._acting = state["forces"]
+        self.number, self.halvings, self.iterations = (int(n) for n in state["numbers"])
+        self._work, self._first_energy, self.problem.inertia_norm = map(float, state["scalars"])
+        if len(state["last"]):
+            reason, norm = int(state["last"][0]), float(state["last"][1])
+            self.last = NewtonResult(True, reason, reason_name(reason), 0, norm)
+        self.time = self.number * self._rule.step
+        self.problem.restore(self._u)
+        self.problem.load_factor = self._load.factor(self.time)
+        self.problem.has_tangent = False
+        if following is not None:
+            following.found[:] = state["found"]
+        if contact is not None:
+            contact.restore((state["touch"], None))
 
     def frame(self) -> Frame:
         """Describe the present state."""

@@ -13,9 +13,9 @@ from scipy.linalg import eigh
 
 from datagen.mesh.distributed_mesh import make_mesh
 from datagen.mesh.geometries import Box
+from datagen.motion.time_stepping import Motion, inertia_of
 from datagen.solver.equilibrium import EquilibriumProblem
 from datagen.solver.settings import SolverSettings
-from datagen.solver.time_stepping import Motion, inertia_of
 from shared_schema.common.errors import InputError
 from shared_schema.materials import Material, NeoHookean, Ogden
 from shared_schema.motion import Damping, LoadOverTime, TimeSettings

@@ -1,0 +1,1 @@
+"""Motion: inertia, time steps, and bodies that move."""
