@@ -50,7 +50,7 @@ class ControlFrame:
     places : array, (n_targets, d)
         Where the places of the targets are, in m.
     missed : float
-        Largest distance in m of one from its target.
+        Largest distance in m of one from its target, before the actuations are given.
     stiffness : float
         That of the body over that of its model, :math:`e^φ`.
     loads : tuple of float
