@@ -5,7 +5,8 @@ Each step is an equilibrium with springs to where the body would coast to
 
 .. math:: u + h v + \tfrac12 h^2 a , \qquad u + h v , \qquad u
 
-with the smallest residual or, where that fails, at u. It goes on with the factors of an earlier
+with the smallest residual or, where that fails, at u. Its linear systems are solved by LU or, on
+large bodies, by GMRES with incomplete factors. It goes on with the factors of an earlier
 tangent as long as residuals fall fast enough. A step that fails in any case is taken in two
 halves, these in two, and so on.
 
@@ -30,6 +31,7 @@ from petsc4py import PETSc
 from datagen.motion.inertia import Inertia
 from datagen.solver.assembly import Internal
 from datagen.solver.equilibrium import EquilibriumProblem
+from datagen.solver.linear_solver import CROSSOVER
 from datagen.solver.newton import NewtonResult, reason_name
 from datagen.solver.tool_contact import INSIDE
 from shared_schema.common.errors import InputError, WorkError
@@ -135,6 +137,9 @@ class Motion:
                 "key 'time.scheme' = 'energy-momentum': expected dead forces only, or "
                 "generalised-alpha"
             )
+        large = problem.size >= CROSSOVER[problem.dimension]
+        definite = problem.kind.dilation == "pointwise" and problem.load.contact is None
+        self._direct = not (large and definite)
         self.number, self.time, self._work = 0, 0.0, 0.0
         self.halvings = self.iterations = 0
         self.last: NewtonResult | None = None
@@ -149,8 +154,7 @@ class Motion:
         problem.renew(not problem.load.is_bordered)
         problem.load_factor = load.factor(0.0)
         self._carried, self._acting = self._balance()
-        if not self._rule.between:
-            self._a = self._first_acceleration()
+        self._a = self._first_acceleration()
         self._first_energy = problem.energy()
 
     def _begin(self, rule: Scheme) -> None:
@@ -174,7 +178,7 @@ class Motion:
             u = problem.displacement_of_points()
             problem.load.subtract_following(loads, problem.load_factor, u)
         acting = -loads.array_r
-        if self._rule.between:
+        if self._rule.between and self.number:
             return np.zeros_like(acting), acting
         self._inertia.only_damps = True
         forces = problem.out_of_balance().array_r.copy()
@@ -270,10 +274,11 @@ class Motion:
         best = starts[int(np.argmin(residuals))]
         for start in (best, best, u):
             problem.restore(start)
-            result = problem.solve(factor, direct=True)
+            result = problem.solve(factor, direct=self._direct)
             self.iterations += result.iterations
             if result.converged:
                 break
+            self._direct |= result.linear_solve_failed
             problem.has_tangent = False
         else:
             return result

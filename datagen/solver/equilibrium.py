@@ -61,7 +61,7 @@ from shared_schema.materials import Material
 
 INVERTED = "inverted element (J <= 0)"
 LINEAR_LOADS = 1e6  # loads below so many times the rounding errors of the residual at rest
-SLOW = 0.6  # of a residual, that an iteration with a tangent of before may leave
+SLOW = {True: 0.6, False: 0.1}  # of a residual, that a kept tangent may leave; by LU, or not
 KEPT = 40  # iterations of Newton's method with tangents of before, beyond those of the settings
 
 
@@ -307,6 +307,7 @@ class EquilibriumProblem:
             is_linear=self.is_linear,
             predicts=self.forms.before is not None,
             direct=direct,
+            inertial=self.inertia is not None,
         )
         self._take(self._x)
         reasons = PETSc.SNES.ConvergedReason
@@ -466,6 +467,8 @@ class EquilibriumProblem:
         self.inertia, self.inertia_norm = inertia, 0.0
         self._round_off = self._round_off_at_rest
         self.keeps_tangent = self.has_tangent = False
+        if inertia is None:
+            self.newton.iterate_in_time(self._settings.max_iterations)
         return internal
 
     def renew(self, keeps_tangent: bool) -> None:
@@ -476,7 +479,7 @@ class EquilibriumProblem:
         size = mean_edge(self.mesh.coordinates, self.mesh.cells)
         self._round_off = round_off(self.tangent(), size)
         self.keeps_tangent = keeps_tangent and self.forms.before is None
-        self.newton.iterate_directly(self._settings.max_iterations + KEPT * self.keeps_tangent)
+        self.newton.iterate_in_time(self._settings.max_iterations + KEPT * self.keeps_tangent)
 
     def tangent_of_last_step(self) -> PETSc.Mat | None:
         """K before the last Newton step, if it is that at the current state as well, else None."""
@@ -560,4 +563,4 @@ class EquilibriumProblem:
             return False
         if iteration == 0:
             return True
-        return norm <= SLOW * before and iteration < KEPT
+        return norm <= SLOW[self.newton.used_lu] * before and iteration < KEPT

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from datagen.solver.linear_solver import (
     INEXACT_TOLERANCE,
     Solver,
     set_up_direct,
+    set_up_inertial,
     set_up_multigrid,
     set_up_preconditioned,
 )
@@ -113,9 +114,10 @@ class Newton:
         self.is_direct = linear_solver == "lu"
         self.snes = self._make_snes(linear_solver)
         self._direct = self.snes if self.is_direct else None  # else made when first needed
+        self._inertial: PETSc.SNES | None = None
         self._used = self.snes
 
-    def _make_snes(self, linear_solver: Solver) -> PETSc.SNES:
+    def _make_snes(self, linear_solver: Solver | Literal["inertial"]) -> PETSc.SNES:
         settings, equations = self._settings, self._equations
         snes = PETSc.SNES().create(equations.residual.comm)
         snes.setFunction(equations.compute_residual, equations.residual)
@@ -124,7 +126,9 @@ class Newton:
         if settings.tolerance is None:
             snes.setConvergenceTest(self._has_converged)
         snes.setType("newtonls")
-        if linear_solver == "lu":
+        if linear_solver == "inertial":
+            set_up_inertial(snes)
+        elif linear_solver == "lu":
             set_up_direct(snes, equations.dimension, equations.kind.has_pressure)
         elif self._corotation is None:
             set_up_multigrid(snes, equations.points)
@@ -152,13 +156,20 @@ class Newton:
             Tolerance, and rounding errors that no stricter one goes below, in N.
         """
         self._limit = tolerance
-        for snes, is_direct in ((self.snes, self.is_direct), (self._direct, True)):
+        all_of_them = (self.snes, self.is_direct), (self._direct, True), (self._inertial, True)
+        for snes, is_direct in all_of_them:
             if snes is not None:
                 stricter = 1.0 if is_direct or self._corotation else INEXACT_TOLERANCE
                 snes.setTolerances(atol=max(stricter * tolerance, min(tolerance, floor)))
 
     def solve(
-        self, x: PETSc.Vec, is_loaded: bool, is_linear: bool, predicts: bool, direct: bool
+        self,
+        x: PETSc.Vec,
+        is_loaded: bool,
+        is_linear: bool,
+        predicts: bool,
+        direct: bool,
+        inertial: bool = False,
     ) -> tuple[int, int, float]:
         """Iterate from x, which then holds the last iterate, converged or not.
 
@@ -174,6 +185,8 @@ class Newton:
             A step predicts pressures; an inexact one would predict wrong ones.
         direct : bool
             Solve the linear systems by LU in any case.
+        inertial : bool
+            Else solve them as those of time steps.
 
         Returns
         -------
@@ -183,7 +196,9 @@ class Newton:
         snes = self.snes
         if direct:
             snes = self._direct_snes()
-        if snes is not self._direct:
+        elif inertial:
+            snes = self._inertial_snes()
+        if snes not in (self._direct, self._inertial):
             snes.setUseEW(not is_linear and not predicts)
             if is_linear:
                 snes.getKSP().setTolerances(rtol=EXACT)
@@ -200,9 +215,16 @@ class Newton:
             self._direct.setTolerances(atol=self._limit)
         return self._direct
 
-    def iterate_directly(self, most: int) -> None:
-        """Set the largest number of iterations with LU."""
-        self._direct_snes().setTolerances(max_it=most)
+    def iterate_in_time(self, most: int) -> None:
+        """Set the largest number of iterations of time steps."""
+        for snes in (self._direct_snes(), self._inertial_snes()):
+            snes.setTolerances(max_it=most)
+
+    def _inertial_snes(self) -> PETSc.SNES:
+        if self._inertial is None:
+            self._inertial = self._make_snes("inertial")
+            self._inertial.setTolerances(atol=self._limit)
+        return self._inertial
 
     def direct_solver(self) -> PETSc.KSP:
         """Solver of linear systems by LU."""
@@ -245,8 +267,9 @@ class Newton:
     def close(self) -> None:
         """Release PETSc's memory."""
         self.snes.destroy()
-        if self._direct is not None:
-            self._direct.destroy()
+        for snes in (self._direct, self._inertial):
+            if snes is not None:
+                snes.destroy()
 
 
 def reason_name(reason: int) -> str:
