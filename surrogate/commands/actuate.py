@@ -109,8 +109,7 @@ def _model(options: argparse.Namespace) -> Actuation:
     require_writable(path)
     model = Actuation.fit(body, options.load, samples=options.samples or SAMPLES)
     model.save(path)
-    count = len(model.reduced.modes), len(model.amplitudes)
-    print(f"{path}: {count[0]} modes of {count[1]} equilibria")
+    print(f"{path}: {len(model.reduced.modes)} modes")
     return model
 
 

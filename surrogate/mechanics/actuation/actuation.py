@@ -3,52 +3,52 @@ r"""What actuators do to a body, in milliseconds: equilibria in modes of its dis
 The displacement under actuators is nearly that of a few modes, those of equilibria under random
 amplitudes (`Actuation.fit`). The equilibrium in these modes
 (`surrogate.mechanics.actuation.reduced_body`) takes any tensions, lengths, pressures, volumes and
-amounts of gas, and dead loads that the modes know. It starts from those of the sampled states,
-interpolated by radial functions of the amplitudes.
+amounts of gas, and dead loads that the modes know. It starts from polynomials of the amplitudes
+(`surrogate.mechanics.actuation.response_surface`): of the equilibria in modes under sampled
+amplitudes, their derivatives, and the tangents there. With the tangent of an equilibrium nearby,
+Newton's method goes further than with that of the state, where slender bodies are stretched by
+what is wrong with it (Magisano, Leonetti and Garcea 2017).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import closing
 from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy.interpolate import RBFInterpolator
 from scipy.stats.qmc import Halton
 
-from shared_schema.actuators import Control, PlacedActuators
+from shared_schema.actuators import Control, pressed
 from shared_schema.common.errors import InputError, WorkError
-from shared_schema.common.progress import Progress
 from shared_schema.common.solution_file import write_solution
 from surrogate.mechanics.actuation.actuated_body import ActuatedBody, ActuatedModes
-from surrogate.mechanics.actuation.bordered import Balanced, balanced, moved_by
+from surrogate.mechanics.actuation.bordered import Balanced, balanced, moved_by, newton
 from surrogate.mechanics.actuation.reduced_body import (
     CellSample,
     ReducedBody,
     modes_of,
     sampled_cells,
 )
+from surrogate.mechanics.actuation.response_surface import ResponseSurface, points_of
+from surrogate.mechanics.actuation.sampled_states import actuators_of, sampled_states
 from surrogate.mechanics.actuation.targets import Search, Values, targets_of
 from surrogate.mechanics.body.geometry import Geometry
-from surrogate.mechanics.descent.aim import Aim
 from surrogate.mechanics.statics.body import Body
 from surrogate.mechanics.statics.load import Load
-from surrogate.mechanics.statics.prediction import Series
+from surrogate.mechanics.touch.search import halved_steps
 from surrogate.runtime.tensor_file import load_tensors, serialised
 
 Array = NDArray[np.float64]
 KEPT = "actuation.safetensors"  # file of the modes, in the folder of a body or a run
 SAMPLES, SEED = 128, 0
-ACCURACY = 1e-4  # of the sampled equilibria
-BEYOND = 0.05  # of the limits, to either side, that samples go
 CONFIRMED = 1e-8  # of that of the finite elements
 EFFORT = 1e-3  # ε of `surrogate.mechanics.actuation.targets`
-IN_MODES = 1e-4  # of the last step of Newton's method there
+IN_MODES = 1e-3  # of the last step of Newton's method there
+IN_BALANCE = 1e-7  # of those that the polynomials are fitted to
+DEGREE = 3  # of the polynomials of tangents
 Given = Mapping[str, float] | Sequence[str]
 
 
@@ -128,18 +128,31 @@ class Actuation:
         With actuators.
     modes : array, (n_modes, n_points, d)
     sample : CellSample
-    amplitudes : array, (n_states, n_actuators)
-        Those of the states that the modes come from, in Pa or N.
+    box : array, (2, n_actuators)
+        Smallest and largest amplitudes in Pa or N that the polynomials are fitted to; they are not
+        continued beyond.
     coefficients : array, (n_states, n_modes)
-        Of these states.
+        Of the states that the modes come from.
+    states : ResponseSurface
+        Coefficients of the modes, of the amplitudes over the largest ones.
+    tangents : ResponseSurface
+        Upper halves of the tangents of the internal forces there, in J.
     """
 
     def __init__(
-        self, body: Body, modes: Array, sample: CellSample, amplitudes: Array, coefficients: Array
+        self,
+        body: Body,
+        modes: Array,
+        sample: CellSample,
+        box: Array,
+        coefficients: Array,
+        states: ResponseSurface,
+        tangents: ResponseSurface,
     ) -> None:
         self.body, self.sample, self.actuators = body, sample, actuators_of(body)
         self.reduced = ReducedBody(body.equilibrium, self.actuators.loads, modes, sample)
-        self.amplitudes, self.coefficients = amplitudes, coefficients
+        self.box, self.unit, self.coefficients = box, unit_of(box), coefficients
+        self.states, self.tangents = states, tangents
 
     @classmethod
     def fit(
@@ -170,39 +183,17 @@ class Actuation:
         WorkError
             If fewer than half of the equilibria are found.
         """
-        if samples < 2:
-            raise InputError(f"samples {samples}: expected 2 at least", "samples")
-        actuators, series = actuators_of(body), Series(body)
-        load = Load.of(body.geometry)
-        following, first = load.following, len(body.geometry.surfaces)
-        assert following is not None
-        given = [Load.of(body.geometry, [text]).dead for text in loads]
-        dead = np.array(given).reshape(len(given), *load.dead.shape)
-        low, high = amplitude_limits(body)
-        drawn = Halton(len(low) + len(dead), seed=seed).random(samples)
-        amplitudes = low + (high - low) * ((1 + 2 * BEYOND) * drawn[:, : len(low)] - BEYOND)
-        amplitudes = np.where(low >= 0, np.maximum(amplitudes, 0), amplitudes)  # cables
-        forces = load.dead + np.tensordot(2 * drawn[:, len(low) :] - 1, dead, 1)
-        states, kept = [], []
-        title = "surrogate: equilibria under actuators"
-        with closing(Progress(samples, 0, "states", title, passing=True)) as progress:
-            for row, (values, force) in enumerate(zip(amplitudes, forces, strict=True)):
-                whole = np.zeros((1, len(following.units)))
-                whole[0, first : first + len(actuators)] = values
-                state = _equilibrium(series, Load(force, replace(following, amplitudes=whole)))
-                if state is not None:
-                    states.append(state)
-                    kept.append(row)
-                progress.update(row + 1)
-        if len(states) < max(2, samples // 2):
-            raise WorkError(f"{len(states)} of {samples} equilibria under the actuators were found")
-        fields = np.array(states)
-        modes = modes_of(fields)
+        fields, amplitudes = sampled_states(body, loads, samples, seed)
+        units, modes = actuators_of(body).loads, modes_of(fields)
         flat = modes.reshape(len(modes), -1)
         coefficients = np.asarray(fields.reshape(len(fields), -1) @ np.linalg.pinv(flat))
-        known = modes, coefficients, amplitudes[kept]
-        sample = sampled_cells(body.equilibrium, actuators.loads, *known, seed)
-        return cls(body, modes, sample, amplitudes[kept], coefficients)
+        sample = sampled_cells(body.equilibrium, units, modes, coefficients, amplitudes, seed)
+        reduced = ReducedBody(body.equilibrium, units, modes, sample)
+        (dead,) = body.equilibrium.forces_at_points(Load.of(body.geometry).dead[None])
+        in_modes = ActuatedModes(reduced, reduced.works_of(dead), measures=False)
+        box = np.array([amplitudes.min(axis=0), amplitudes.max(axis=0)])
+        surfaces = fitted_surfaces(in_modes, coefficients, amplitudes, box)
+        return cls(body, modes, sample, box, coefficients, *surfaces)
 
     def save(self, path: Path) -> None:
         """Write what `read` reads."""
@@ -210,8 +201,10 @@ class Actuation:
             "modes": self.reduced.modes,
             "cells": self.sample.cells,
             "weights": self.sample.weights,
-            "amplitudes": self.amplitudes,
+            "box": self.box,
             "coefficients": self.coefficients,
+            "states": self.states.coefficients,
+            "tangents": self.tangents.coefficients,
         }
         tensors = {name: torch.from_numpy(np.ascontiguousarray(a)) for name, a in arrays.items()}
         path.write_bytes(serialised(tensors))
@@ -223,11 +216,13 @@ class Actuation:
         try:
             arrays = {name: tensor.numpy() for name, tensor in tensors.items()}
             sample = CellSample(arrays["cells"], arrays["weights"])
-            modes, others = arrays["modes"], (arrays["amplitudes"], arrays["coefficients"])
-            expected = body.equilibrium.free.shape
-            if modes.shape[1:] != expected or others[0].shape[1] != len(actuators_of(body)):
+            modes, box, expected = arrays["modes"], arrays["box"], body.equilibrium.free.shape
+            if modes.shape[1:] != expected or box.shape != (2, len(actuators_of(body))):
                 raise ValueError(f"modes of shape {modes.shape[1:]}, expected {expected}")
-            return cls(body, modes, sample, *others)
+            surfaces = [
+                ResponseSurface(box.shape[1], arrays[key]) for key in ("states", "tangents")
+            ]
+            return cls(body, modes, sample, box, arrays["coefficients"], *surfaces)
         except (KeyError, ValueError) as error:
             raise InputError(f"{path}: no actuation of this body ({error})") from None
 
@@ -355,53 +350,44 @@ class Actuation:
         self, controls: Sequence[Control], work: Array, start: Balanced | None
     ) -> Balanced:
         """The equilibrium in modes; WorkError if there is none."""
-        measures = not all(control.gives_amplitude for control in controls)
-        body = ActuatedModes(self.reduced, work, measures, self._tangent)
-        if not measures:
-            amplitudes = np.array([control.value for control in controls])
-            first = self._first(amplitudes)
-            if start is not None:
-                first = start.state + first - self._first(start.amplitudes)
-            start = Balanced(first, amplitudes)
-        elif start is None:
-            start = Balanced(np.zeros(self._modes), np.zeros(len(controls)))
-        return balanced(body, controls, start, IN_MODES)
+        first = self.near(controls)
+        body = ActuatedModes(self.reduced, work, first is None, self._tangent)
+        if first is None:
+            at_rest = Balanced(np.zeros(len(self.reduced.modes)), np.zeros(len(controls)))
+            first = at_rest if start is None else start
+        elif start is not None:
+            state = start.state + first.state - self._first(start.amplitudes)
+            first = first._replace(state=state)
+        return balanced(body, controls, first, IN_MODES)
 
-    def positions(self, state: Balanced) -> Array:
-        """Positions of the nodes in m, (n_nodes, d)."""
-        nodes = self.body.equilibrium.nodes
-        return self.body.geometry.coordinates + self.reduced.displacement(state.state)[:nodes]
+    def near(self, controls: Sequence[Control]) -> Balanced | None:
+        """The state that polynomials tell, where tensions and pressures are given."""
+        if not all(control.gives_amplitude for control in controls):
+            return None
+        amplitudes = np.array([control.value for control in controls])
+        return Balanced(self._first(amplitudes), amplitudes)
 
-    def changes(self, values: Array, work: Array, state: Balanced) -> Array:
-        """Derivatives of the displacement by what is given, (n_actuators, n_nodes, d)."""
-        moved = moved_by(ActuatedModes(self.reduced, work), self.controls_of(values), state)
-        return np.tensordot(moved, self.reduced.modes[:, : self.body.equilibrium.nodes], 1)
+    def changes(self, controls: Sequence[Control], state: Balanced, work: Array) -> Array:
+        """Derivatives of a state by what is given, (n_actuators, n_modes)."""
+        return moved_by(ActuatedModes(self.reduced, work), controls, state)
+
+    def changes_near(self, controls: Sequence[Control], state: Balanced, work: Array) -> Array:
+        """Nearly these, of the polynomials where they tell them."""
+        if self.near(controls) is None:
+            return self.changes(controls, state, work)
+        return self.states.slopes(self._inside(state.amplitudes)) / self.unit[:, None]
 
     def _first(self, amplitudes: Array) -> Array:
         """Coefficients of a first state under some amplitudes: (n_actuators,) → (n_modes,)."""
-        return np.asarray(self._interpolation((amplitudes / self._unit)[None])[0, : self._modes])
+        return self.states.at(self._inside(amplitudes))
 
     def _tangent(self, amplitudes: Array) -> Array:
         """The tangent of the internal forces there, (n_modes, n_modes) in J."""
-        of_both = self._interpolation((amplitudes / self._unit)[None])[0, self._modes :]
-        return np.asarray(of_both.reshape(self._modes, self._modes))
+        return unpacked(self.tangents.at(self._inside(amplitudes)))
 
-    @property
-    def _modes(self) -> int:
-        return len(self.reduced.modes)
-
-    @cached_property
-    def _unit(self) -> Array:
-        return np.maximum(np.abs(self.amplitudes).max(axis=0), 1e-300)
-
-    @cached_property
-    def _interpolation(self) -> RBFInterpolator:
-        m = self.amplitudes.shape[1]
-        degree = 1 if len(self.amplitudes) > m + 1 else 0
-        at = self.amplitudes / self._unit
-        tangents = [self.reduced.tangent(q).ravel() for q in self.coefficients]
-        both = np.concatenate([self.coefficients, tangents], axis=1)
-        return RBFInterpolator(at, both, kernel="cubic", degree=degree, smoothing=1e-9)
+    def _inside(self, amplitudes: Array) -> Array:
+        """Variables of the polynomials, (n_actuators,)."""
+        return np.asarray(np.clip(amplitudes, *self.box) / self.unit)
 
     def _result(self, controls: Sequence[Control], state: Balanced) -> ActuatedState:
         return ActuatedState(
@@ -413,52 +399,71 @@ class Actuation:
         )
 
 
-def actuators_of(body: Body) -> PlacedActuators:
-    """Actuators of a body; InputError if it has none."""
-    if body.geometry.actuators is None:
-        raise InputError("key 'actuators': the case of the body has none, expected some")
-    return body.geometry.actuators
+def fitted_surfaces(
+    body: ActuatedModes, coefficients: Array, amplitudes: Array, box: Array
+) -> tuple[ResponseSurface, ResponseSurface]:
+    """Polynomials of equilibria in modes, and of the tangents of the internal forces there.
 
-
-def amplitude_limits(body: Body) -> tuple[Array, Array]:
-    """Smallest and largest amplitudes of the actuators of a case, (n_actuators,) each.
-
-    Those of lengths, volumes and amounts of gas are found where each alone, or all together, are at
-    a limit.
-
-    Raises
-    ------
-    WorkError
-        If there is no equilibrium under one actuator at a limit.
+    Parameters
+    ----------
+    body : ActuatedModes
+        Under the dead load of the case.
+    coefficients : array, (n_states, n_modes)
+        Of states under any dead load.
+    amplitudes : array, (n_states, n_actuators)
+        Under which they are.
+    box : array, (2, n_actuators)
+        Smallest and largest amplitudes.
     """
-    placed, equilibrium = actuators_of(body), body.equilibrium
-    limits = np.array([actuator.limits for actuator in placed.actuators])
-    gives = [control.gives_amplitude for control in placed.controls(limits[:, 0])]
-    if all(gives):
-        return limits[:, 0], limits[:, 1]
-    force = np.zeros(equilibrium.free.shape)
-    of, rest = ActuatedBody(equilibrium, placed.loads, force), np.zeros(len(placed))
-    found = [rest]
-    for number in np.flatnonzero(~np.array(gives)):
-        for value in limits[number]:
-            controls = list(placed.idle)
-            controls[number] = placed.controls(np.full(len(placed), value))[number]
-            start = Balanced(force.ravel(), rest)
-            found.append(balanced(of, controls, start, IN_MODES).amplitudes)
-    low, high = np.min(found, axis=0), np.max(found, axis=0)
-    return np.where(gives, limits[:, 0], low), np.where(gives, limits[:, 1], high)
-
-
-def _equilibrium(series: Series, load: Load) -> Array | None:
-    """Displacements of all points in equilibrium, (n_points, d) in m; None if none is found."""
-    body, equilibrium = series.body, series.body.equilibrium
-    predicted = series.respond(load)[0]
-    driven, descent = body.descend(load, predicted, Aim(ACCURACY))
-    if descent.reached is False:
+    at, states, slopes, unit = [], [], [], unit_of(box)
+    for q, a in zip(coefficients, amplitudes, strict=True):
         try:
-            driven = body.correct(load, predicted).displacement
+            state = unloaded(body, Balanced(q, a))
         except WorkError:
-            return None
-    under = body.under(load.following)
-    f = equilibrium.forces_at_points(load.dead[None])
-    return np.asarray(under.at_points(driven[None], f)[0])
+            continue
+        k = body.body.tangent(state) - body.body.following_slopes(state, a)
+        at.append(a / unit)
+        states.append(state)
+        slopes.append(unit[:, None] * np.linalg.solve(k, body.body.following(state).T).T)
+    if len(at) < 2:
+        raise WorkError("no equilibria in modes, expected some")
+    x = np.array(at)
+    surface = ResponseSurface.fit(x, np.array(states), np.array(slopes))
+    (low, high), count = box / unit, points_of(len(unit), DEGREE)
+    places = low + (high - low) * Halton(len(unit), seed=0).random(count)
+    tangents = np.array([packed(body.body.tangent(surface.at(place))) for place in places])
+    return surface, ResponseSurface.fit(places, tangents, highest=DEGREE)
+
+
+def unit_of(box: Array) -> Array:
+    """Largest sizes of amplitudes, (n_actuators,)."""
+    return np.asarray(np.maximum(np.abs(box).max(axis=0), 1e-300))
+
+
+def packed(symmetric: Array) -> Array:
+    """The upper half of a matrix, (m, m) → (m (m + 1) / 2,)."""
+    return np.asarray(symmetric[np.triu_indices(len(symmetric))])
+
+
+def unpacked(half: Array) -> Array:
+    """The matrix of an upper half."""
+    size = int(np.sqrt(2 * len(half)))
+    whole = np.zeros((size, size))
+    whole[np.triu_indices(size)] = half
+    return whole + np.triu(whole, 1).T
+
+
+def unloaded(body: ActuatedModes, start: Balanced) -> Array:
+    """Take away what holds a state beside the body's load; WorkError where none is left."""
+    residual, controls = body.residual(*start), pressed(start.amplitudes)
+    if residual is None:
+        raise WorkError("a cell is inverted")
+
+    def go(share: float, last: Balanced) -> Balanced:
+        held = replace(body, work=body.work + (1 - share) * residual.forces)
+        found = newton(held, controls, 1.0, last, IN_BALANCE)
+        if found is None:
+            raise WorkError("no equilibrium")
+        return found
+
+    return halved_steps(go, start, "no equilibrium in modes beyond {:.0%}").state

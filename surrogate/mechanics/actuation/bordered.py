@@ -25,12 +25,12 @@ from numpy.typing import NDArray
 
 from shared_schema.actuators import Control
 from shared_schema.common.errors import WorkError
+from surrogate.mechanics.touch.search import halved_steps
 
 Array = NDArray[np.float64]
 ITERATIONS, HALVINGS = 25, 8
 SETTLED = 1e-9  # of a step beside the state
 CONTRACTION = 0.25  # of steps with one tangent
-SMALLEST_STEP = 1 / 64  # of a load that is increased
 STIFF = 1e6  # N/m: of a cable that is taut or not
 
 
@@ -101,18 +101,15 @@ def balanced(
     found = newton(body, controls, 1.0, start, tolerance)
     if found is not None:
         return found
-    at = Balanced(np.zeros_like(start.state), np.zeros_like(start.amplitudes))
-    reached, step = 0.0, 0.25
-    while reached < 1:
-        part = min(1.0, reached + step)
-        found = newton(body, controls, part, at, tolerance)
-        if found is None:
-            step /= 2
-            if step < SMALLEST_STEP:
-                raise WorkError(f"no equilibrium beyond {reached:.3g} of what the actuators do")
-        else:
-            at, reached = found, part
-    return at
+
+    def go(share: float, last: Balanced) -> Balanced:
+        reached = newton(body, controls, share, last, tolerance)
+        if reached is None:
+            raise WorkError("Newton's method does not settle")
+        return reached
+
+    at_rest = Balanced(np.zeros_like(start.state), np.zeros_like(start.amplitudes))
+    return halved_steps(go, at_rest, "no equilibrium beyond {:.2%} of what the actuators do")
 
 
 def newton(

@@ -5,14 +5,16 @@ r"""Which values of the actuators bring places of a body to targets, or as near 
 
 with the mean places y of some nodes, and mean outward normals of some facets times the size L of
 the body, what is given of the actuators, v, their values at rest :math:`v_0`, and their limits V:
-of many ways to a target, that of the least effort is taken. Gauss and Newton's method has the exact
-derivatives :math:`∂q / ∂v = K^{-1} G \, ∂a / ∂v` of the modes.
+of many ways to a target, that of the least effort is taken. Gauss and Newton's method has the
+derivatives :math:`∂q / ∂v = K^{-1} G \, ∂a / ∂v` of the modes. Where tensions and pressures are
+given, those of polynomials do (`surrogate.mechanics.actuation.response_surface`); a search among
+the states that these tell, which takes no equilibrium, goes first.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -54,6 +56,17 @@ class Target:
     nodes: NDArray[np.int64]
     value: Array
     facets: NDArray[np.int64] | None = None
+
+    @property
+    def moving(self) -> NDArray[np.int64]:
+        """Numbers of the nodes that it depends on."""
+        return self.nodes if self.facets is None else np.unique(self.facets)
+
+    def among(self, nodes: NDArray[np.int64]) -> Target:
+        """The same, by the places of its nodes among some in ascending order."""
+        facets = None if self.facets is None else np.searchsorted(nodes, self.facets)
+        members = self.nodes if facets is not None else np.searchsorted(nodes, self.nodes)
+        return replace(self, nodes=members, facets=facets)
 
     def reached(self, x: Array) -> Array:
         """The place in m, or the normal, at positions (n_nodes, d) of the nodes in m."""
@@ -171,7 +184,11 @@ class Search:
         work: Array,
         effort: float,
     ) -> None:
-        self._of, self._targets, self._work, self._effort = actuation, targets, work, effort
+        nodes = np.unique(np.concatenate([target.moving for target in targets]))
+        self._of, self._work, self._effort = actuation, work, effort
+        self._targets = [target.among(nodes) for target in targets]
+        self._modes = actuation.reduced.modes[:, nodes]
+        self._places = actuation.body.geometry.coordinates[nodes]
         self._low, self._high = limits
         self._rest = np.array([control.at_rest for control in actuation.controls_of(self._low)])
         self._unit = np.maximum(np.abs(self._high - self._rest), np.abs(self._low - self._rest))
@@ -186,7 +203,20 @@ class Search:
             If there is no equilibrium where the search begins.
         """
         values = np.clip(self._rest if values is None else values, self._low, self._high)
-        state = self._of.balanced(self._of.controls_of(values), self._work, state)
+        if state is None and self._near(values, None) is not None:
+            values, _ = self._advanced(values, None, self._near)
+        return self._advanced(values, state, self._balanced)
+
+    def _advanced(
+        self,
+        values: Array,
+        state: Balanced | None,
+        state_of: Callable[[Array, Balanced | None], Balanced | None],
+    ) -> tuple[Array, Balanced]:
+        """Search among the states that values have."""
+        begun = state_of(values, state)
+        assert begun is not None
+        state = begun
         cost = self._cost(values, state)
         for _ in range(STEPS):
             step = self._step(values, state)
@@ -194,10 +224,11 @@ class Search:
             while advanced is None and share >= SHORTEST:
                 trial = np.clip(values + share * step, self._low, self._high)
                 try:
-                    after = self._of.balanced(self._of.controls_of(trial), self._work, state)
+                    after = state_of(trial, state)
                 except WorkError:
                     share /= 2
                     continue
+                assert after is not None
                 if (new := self._cost(trial, after)) <= cost:
                     advanced = trial, after, new
                 share /= 2
@@ -209,16 +240,27 @@ class Search:
                 break
         return values, state
 
+    def _balanced(self, values: Array, state: Balanced | None) -> Balanced:
+        return self._of.balanced(self._of.controls_of(values), self._work, state)
+
+    def _near(self, values: Array, _: Balanced | None) -> Balanced | None:
+        return self._of.near(self._of.controls_of(values))
+
+    def _positions(self, state: Balanced) -> Array:
+        """Positions of the nodes of the targets in m."""
+        return np.asarray(self._places + np.tensordot(state.state, self._modes, 1))
+
     def missed(self, state: Balanced) -> float:
         """Largest distance in m of a place from its target."""
-        x = self._of.positions(state)
+        x = self._positions(state)
         places = [target for target in self._targets if target.facets is None]
         far = [np.linalg.norm(target.reached(x) - target.value) for target in places]
         return float(max(far, default=0.0))
 
     def _step(self, values: Array, state: Balanced) -> Array:
-        x = self._of.positions(state)
-        changes = self._of.changes(values, self._work, state) * self._unit[:, None, None]
+        x, controls = self._positions(state), self._of.controls_of(values)
+        changes = self._unit[:, None] * self._of.changes_near(controls, state, self._work)
+        changes = np.tensordot(changes, self._modes, 1)
         rows = [self._weight(t) * t.slopes(x, changes) for t in self._targets]
         slopes, left = np.concatenate(rows), self._off(x)
         effort = Effort(self._unit, self._rest, self._effort * self._size)
@@ -233,7 +275,7 @@ class Search:
         return np.concatenate([self._off(x), effort])
 
     def _cost(self, values: Array, state: Balanced) -> float:
-        return float(np.square(self._left(values, self._of.positions(state))).sum())
+        return float(np.square(self._left(values, self._positions(state))).sum())
 
     def _weight(self, target: Target) -> float:
         return 1.0 if target.facets is None else self._size
