@@ -27,6 +27,9 @@ if TYPE_CHECKING:
     from surrogate.learning.inference.solution import Solution
     from surrogate.learning.inference.surrogate import Surrogate
     from surrogate.learning.inference.training_range import OutsideTrainingWarning
+    from surrogate.learning.models.kinds import add_model
+    from surrogate.learning.models.model import Deterministic, MaximumLikelihood
+    from surrogate.learning.models.network_model import NetworkModel
     from surrogate.learning.planning.first_configuration import first_config
     from surrogate.learning.planning.trial_steps import dry_run
     from surrogate.learning.runs.config_reader import config_keys, config_schema, read_config
@@ -52,11 +55,14 @@ __all__ = [
     "ControlFrame",
     "Controller",
     "Dataset",
+    "Deterministic",
     "Evaluation",
     "Grip",
     "GripFrame",
     "Identification",
     "Markers",
+    "MaximumLikelihood",
+    "NetworkModel",
     "OutsideTrainingWarning",
     "Published",
     "Solution",
@@ -64,6 +70,7 @@ __all__ = [
     "Touch",
     "TouchFrame",
     "UnreachedToleranceWarning",
+    "add_model",
     "calibrate",
     "compare",
     "config_keys",

@@ -3,12 +3,16 @@
 An architecture is a class with keys and methods; a likelihood is a set of further keys. A kind of
 model has both, so that a configuration with any other key is refused. An architecture is imported
 when a configuration names it.
+
+Installed packages add architectures by the entry point ``surrogate.models``, and a script by
+`add_model`. A configuration names them, and a run folder its configuration, but neither holds code.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache, reduce
+from importlib.metadata import EntryPoint, entry_points
 from operator import or_
 from typing import TYPE_CHECKING, Annotated, Any, cast, get_args
 
@@ -24,7 +28,7 @@ from pydantic import (
 )
 
 from shared_schema.common.configuration import first_problem
-from shared_schema.common.errors import InputError
+from shared_schema.common.errors import InputError, first_line
 from surrogate.extensions import CONTRIB, at
 from surrogate.learning.models.model import Model
 
@@ -35,6 +39,64 @@ ARCHITECTURES = {
     "reduced": "surrogate.learning.models.reduced_model.ReducedModel",
     "series": "surrogate.learning.models.series_model.SeriesModel",
 }
+GROUP = "surrogate.models"  # of entry points
+_ADDED: dict[str, type[Model]] = {}
+
+
+def add_model(name: str, architecture: type[Model]) -> None:
+    """Let configurations of this process name an architecture of one's own as ``model: NAME``.
+
+    Parameters
+    ----------
+    name : str
+        The one value of its key ``model``.
+    architecture : type of Model
+        A subclass of `surrogate.NetworkModel`, most simply.
+
+    Raises
+    ------
+    InputError
+        If there is one of this name, or the class is no architecture of this name.
+    """
+    if name in architectures():
+        raise InputError(f"model '{name}': there is one already, expected another name")
+    _require_architecture(name, architecture)
+    _ADDED[name] = architecture
+
+
+def architectures() -> dict[str, str | EntryPoint | type[Model]]:
+    """Where each architecture is, by its name; those of this package come first."""
+    installed = {point.name: point for point in entry_points(group=GROUP)}
+    return {**installed, **_ADDED, **ARCHITECTURES}
+
+
+def architecture_of(name: str) -> type[Model]:
+    """Import an architecture; InputError if it is somebody else's and no good."""
+    place = architectures()[name]
+    if isinstance(place, str):
+        return cast("type[Model]", at(place))
+    if isinstance(place, EntryPoint):
+        try:
+            found = place.load()
+        except Exception as error:
+            said = f"'{place.value}' cannot be imported ({first_line(error)})"
+            raise InputError(f"model '{name}': {said}") from None
+        _require_architecture(name, found)
+        return cast("type[Model]", found)
+    return place
+
+
+def _require_architecture(name: str, found: Any) -> None:
+    is_model = isinstance(found, type) and issubclass(found, Model)
+    if not (is_model and hasattr(found, "likelihoods") and hasattr(found, "title")):
+        raise InputError(
+            f"model '{name}': expected a subclass of surrogate.NetworkModel with `title` and "
+            "`likelihoods`"
+        )
+    if get_args(found.model_fields["model"].annotation) != (name,):
+        raise InputError(
+            f"model '{name}': expected the key `model: Literal['{name}']` in its class"
+        )
 
 
 def run_config(content: Any, source: str = "config") -> Model:
@@ -53,7 +115,7 @@ def run_config(content: Any, source: str = "config") -> Model:
 def kind_of(content: Mapping[str, Any]) -> type[Model] | None:
     """Return the kind of model that a configuration names; None if there is none."""
     model = content.get("model", "unet")
-    known = isinstance(model, str) and model in ARCHITECTURES
+    known = isinstance(model, str) and model in architectures()
     return kinds_of(model).get(tag_of(content)) if known else None
 
 
@@ -65,13 +127,13 @@ def tag_of(content: Mapping[str, Any]) -> str:
 
 def kinds() -> dict[str, type[Model]]:
     """Return all kinds of model by their tags."""
-    return {name: kind for model in ARCHITECTURES for name, kind in kinds_of(model).items()}
+    return {name: kind for model in architectures() for name, kind in kinds_of(model).items()}
 
 
 @cache
 def kinds_of(model: str) -> dict[str, type[Model]]:
     """Return the kinds of one architecture by their tags."""
-    architecture: type[Model] = at(ARCHITECTURES[model])
+    architecture = architecture_of(model)
     composed = [_composed(architecture, likelihood) for likelihood in architecture.likelihoods]
     globals().update({kind.__name__: kind for kind in composed})  # where pickle looks for a class
     return {tag_of({"model": model, "likelihood": _only_value(kind)}): kind for kind in composed}

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from importlib.metadata import EntryPoint
 from pathlib import Path
+from typing import Any, Literal
 
 import pytest
+from torch import Tensor, nn
 
 from shared_schema.common.errors import InputError
-from surrogate.learning.models.kinds import run_config
+from surrogate.learning.models import kinds
+from surrogate.learning.models.kinds import add_model, run_config
+from surrogate.learning.models.model import Deterministic
+from surrogate.learning.models.network_model import NetworkModel
 from surrogate.learning.models.unet_model import UNetModel
 from surrogate.learning.runs.config_reader import read_config
 from tests.surrogate.unet_configs import shipped_unet
@@ -157,3 +163,42 @@ def test_recalibration_of_deterministic_networks_that_differ(change: dict[str, o
     training = {"validation_fraction": 0.1, "recalibrate": True}
     config = run_config({"name": "a", "case": "b", "training": training, **change})
     assert config.training.validation_users == ("recalibrate",)
+
+
+class Line(NetworkModel):
+    """An architecture of somebody else's."""
+
+    title, likelihoods = "line", (Deterministic,)
+    model: Literal["line"]
+    width: int = 3
+
+    def make_network(self, dimension: int, free: Tensor, shape: Tensor | None = None) -> nn.Module:
+        return self.members(free, shape)
+
+    def member(self, free: Tensor, number: int, parameters: int = 0) -> nn.Module:
+        return nn.Identity()
+
+    @property
+    def architecture(self) -> str:
+        return "line"
+
+
+def test_an_installed_package_adds_an_architecture(monkeypatch: pytest.MonkeyPatch) -> None:
+    points = [
+        EntryPoint("line", f"{__name__}:Line", kinds.GROUP),
+        EntryPoint("bent", f"{__name__}:Line", kinds.GROUP),
+        EntryPoint("gone", "no_such_module:Line", kinds.GROUP),
+    ]
+    monkeypatch.setattr(kinds, "entry_points", lambda group: points)
+    found = run_config({"name": "a", "case": "b", "model": "line", "width": 5})
+    assert isinstance(found, Line)
+    assert found.plain()["width"] == 5
+    for name, said in (("bent", "Literal\\['bent'\\]"), ("gone", "cannot be imported")):
+        with pytest.raises(InputError, match=said):
+            run_config({"name": "a", "case": "b", "model": name})
+    for name, kind in (("unet", Line), ("line", Line)):
+        with pytest.raises(InputError, match="there is one already"):
+            add_model(name, kind)
+    nothing: Any = nn.Identity
+    with pytest.raises(InputError, match=r"a subclass of surrogate\.NetworkModel"):
+        add_model("other", nothing)
