@@ -36,9 +36,9 @@ from surrogate.mechanics.actuation.response_surface import ResponseSurface, poin
 from surrogate.mechanics.actuation.sampled_states import actuators_of, sampled_states
 from surrogate.mechanics.actuation.targets import Search, Values, targets_of
 from surrogate.mechanics.body.geometry import Geometry
+from surrogate.mechanics.equilibrium.halved_steps import halved_steps
 from surrogate.mechanics.statics.body import Body
 from surrogate.mechanics.statics.load import Load
-from surrogate.mechanics.touch.search import halved_steps
 from surrogate.runtime.tensor_file import load_tensors, serialised
 
 Array = NDArray[np.float64]

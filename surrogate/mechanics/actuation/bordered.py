@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from shared_schema.actuators import Control
 from shared_schema.common.errors import WorkError
-from surrogate.mechanics.touch.search import halved_steps
+from surrogate.mechanics.equilibrium.halved_steps import halved_steps
 
 Array = NDArray[np.float64]
 ITERATIONS, HALVINGS = 25, 8

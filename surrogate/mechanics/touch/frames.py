@@ -25,11 +25,12 @@ from numpy.typing import NDArray
 from shared_schema.common.errors import WorkError
 from surrogate.mechanics.certify.correction import Correction
 from surrogate.mechanics.descent.aim import require_positive
+from surrogate.mechanics.equilibrium.halved_steps import halved_steps
 from surrogate.mechanics.statics.prediction import Predictor
 from surrogate.mechanics.touch.condition import Condition
 from surrogate.mechanics.touch.defect_correction import ROUGHLY, DefectCorrection
 from surrogate.mechanics.touch.loaded_body import LinearBody, LoadedBody, Predict
-from surrogate.mechanics.touch.search import Bend, ForceSearch, Shown, halved_steps
+from surrogate.mechanics.touch.search import Bend, ForceSearch, Shown
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]

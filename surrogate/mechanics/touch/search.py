@@ -20,22 +20,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.common.errors import WorkError
+from surrogate.mechanics.equilibrium.halved_steps import halved_steps
 from surrogate.mechanics.touch.condition import Condition
 from surrogate.mechanics.touch.loaded_body import LinearBody
 
 Array = NDArray[np.float64]
-State = TypeVar("State")
 
 MOST = 30  # predictions of one step
 LARGER = 2.0  # how much more a full step may leave
 SHORTEST = 1 / 8  # part of a step
-SMALLEST = 1 / 64  # part of the way to a condition
 SLOW, ENOUGH = 0.5, 1e-4  # part that is left of what is enough for any search, which then ends it
 
 
@@ -164,38 +162,6 @@ class ForceSearch:
                 part /= 2
                 if part < SHORTEST or self.predictions >= last:
                     return False
-
-
-def halved_steps(go: Callable[[float, State], State], begin: State, missing: str) -> State:
-    """Go a way in steps, which are halved where they fail, and return the state at its end.
-
-    Parameters
-    ----------
-    go : callable
-        Goes on to a part of the way, up to 1, from the last state to the next one; WorkError if
-        that fails, and then nothing is changed.
-    begin : object
-        The first state.
-    missing : str
-        Says what is not found beyond a part of the way, which takes the place of braces.
-
-    Raises
-    ------
-    WorkError
-        If the smallest step fails.
-    """
-    share, step, state = 0.0, 1.0, begin
-    while share < 1.0:
-        aim = min(1.0, share + step)
-        try:
-            state = go(aim, state)
-        except WorkError as error:
-            step /= 2
-            if step < SMALLEST:
-                raise WorkError(f"{missing.format(share)} ({error})") from None
-        else:
-            share, step = aim, 2 * step
-    return state
 
 
 def part_of(vector: Array, last: Array, most: float = 1.0) -> float:
