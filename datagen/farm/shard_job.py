@@ -148,7 +148,7 @@ class ShardJob:
             touch=lambda: self._put(body, load.tool),
         )
         kept = _Kept(self.folder, number, body, settings)
-        motion, said = None, ""
+        motion, said, contact, actuated = None, "", None, None
         try:
             motion = begin_motion(body, settings, over_time, drive)
             kept.resume(motion)
@@ -157,27 +157,19 @@ class ShardJob:
                 kept.take(motion)
                 if motion.number % KEEP == 0 and self.stopped():
                     raise StoppedError
+            contact = None if load.tool is None else _touch(motion)
+            actuated = found_actuation(motion.problem, len(load.actuation))
         except MotionError as error:
             said = str(error)
-        except InputError as error:
-            raise InputError(f"sample {number}: {error}") from None
         finally:
-            reached = 0.0 if motion is None else motion.number / settings.steps
-            if motion is not None and not said:
-                touch, factor = motion.problem.load.contact, motion.problem.load_factor
-                contact = None
-                if load.tool is not None:
-                    contact = Contact(np.zeros(body.mesh.coordinates.shape), 0.0)
-                    if touch is not None:
-                        contact = touch.found(motion.problem.displacement(), factor)
-                actuated = found_actuation(motion.problem, len(load.actuation))
             end_motion(body, motion)
+        reached = 0.0 if motion is None else motion.number / settings.steps
         last = None if motion is None else motion.last
         report = SolveReport(
             solved=not said,
             reason=0 if last is None else last.reason,
             explanation=said,
-            load_factor=1.0 if not said else reached,
+            load_factor=reached if said else 1.0,
             load_steps=0 if motion is None else motion.number,
             cutbacks=0 if motion is None else motion.halvings,
             newton_iterations=0 if motion is None else motion.iterations,
@@ -224,6 +216,14 @@ class ShardJob:
         return self.body.shard_arrays() | result_arrays(
             self.body.loads, self.results, self.body.mesh.shapes, times
         )
+
+
+def _touch(motion: Motion) -> Contact:
+    """What the tool does at the end; nothing if it is gone."""
+    problem, displacement = motion.problem, motion.problem.displacement()
+    if problem.load.contact is None:
+        return Contact(np.zeros_like(displacement), 0.0)
+    return problem.load.contact.found(displacement, problem.load_factor)
 
 
 class _Kept:

@@ -110,17 +110,21 @@ def test_grips_tools_and_pressures_move_a_body(tmp_path: Path) -> None:
     """Slowly driven, a body follows its equilibria; a grip that is let go is gone."""
     slow: dict[str, Any] = {"duration": 40.0, "step": 1.0, "history": "ramp=35"}
     damped = ["time.damping={mass: 3}"]
-    case = {**BEAM, "time": {**BEAM["time"], "dissipation": 0.0, "every": 1}}
+    rope = {"rope": {"cable": [[x, 0.75] for x in (0.5, 1.5, 2.5, 3.5)], "tension": [0, 5]}}
+    case = {**BEAM, "time": {**BEAM["time"], "dissipation": 0.0}, "actuators": rope}
     drives: tuple[dict[str, Any], ...] = (
         {"held": ["4,1:0,-0.4"]},
         {"tool": "sphere:2,1.3:0.5"},
         {"load": ["4,0:0,0.5"], "body_force": "0,-0.1"},
+        {"actuate": ["rope=5"]},
+        {"actuate": ["rope.length=2.9"]},
     )
     for given in drives:
         still = datagen.solve(case, **given)
         moved = datagen.move(case, **given, **slow, changes=damped)
         end = moved.trajectory.displacement[-1]
         assert end == pytest.approx(still.displacement, abs=2e-3 * still.largest_displacement)
+    case["time"]["every"] = 1
     let_go: dict[str, Any] = {"duration": 1.0, "step": 0.02, "history": "let_go"}
     swung = datagen.move(case, held=["4,1:0,-0.4"], **let_go).trajectory
     tip = swung.displacement[:, np.flatnonzero((still.coordinates == [4, 1]).all(axis=1))[0], 1]
