@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -53,6 +54,12 @@ def test_every_source_is_in_the_wheel(wheels: dict[str, Path], part: str) -> Non
     assert packed - bundle == {name for name in sources(part) if not name.startswith(WEB)}
     is_made = shutil.which("npm") is not None or (ROOT / BUNDLE / "page.js").is_file()
     assert (f"{BUNDLE}page.js" in bundle) == (part == "surrogate" and is_made)
+    if bundle:
+        bill = json.loads(zipfile.ZipFile(wheels[part]).read(f"{BUNDLE}sbom.cdx.json"))
+        names = {component["name"] for component in bill["components"]}
+        assert {"three", "onnxruntime-web"} <= names
+        said = zipfile.ZipFile(wheels[part]).read(f"{BUNDLE}licences.txt").decode()
+        assert all(name in said for name in names)
 
 
 @pytest.mark.slow
