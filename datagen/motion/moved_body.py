@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from datagen.cases.case import Case, CaseSource, read_case
 from datagen.loaded_case import LoadedCase, Pushing, loaded_case
 from datagen.motion.trajectory import Drive, Trajectory, begin_motion, end_motion, frames_of
-from datagen.output.paraview_series import SUFFIXES, Timed, write_series
+from datagen.output.paraview_series import SUFFIXES, in_motion, write_series
 from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.bodies.command_loads import Loads
 from shared_schema.common.configuration import validate
@@ -23,7 +23,7 @@ from shared_schema.common.errors import InputError
 from shared_schema.common.files import complete_or_absent
 from shared_schema.common.machine import require_memory
 from shared_schema.common.progress import Progress
-from shared_schema.common.solution_file import in_space, require_suffix
+from shared_schema.common.solution_file import require_suffix
 from shared_schema.common.units import SI, Units
 from shared_schema.materials import Volumetric
 from shared_schema.motion import TimeSettings, densities_of_cells, read_history
@@ -100,11 +100,9 @@ class MovedBody:
             with complete_or_absent(found) as partial, partial.open("wb") as file:
                 np.savez(file, **arrays)
             return
-        frames: Iterator[Timed] = (
-            (float(at), {"displacement": in_space(u), "velocity": in_space(v)}, {})
-            for at, u, v in zip(moved.times, moved.displacement, moved.velocity, strict=True)
-        )
-        write_series(found, (self.coordinates, self.cells, self.cell_type), frames)
+        frames = zip(moved.times.tolist(), moved.displacement, moved.velocity, strict=True)
+        mesh = self.coordinates, self.cells, self.cell_type
+        write_series(found, mesh, (in_motion(*frame) for frame in frames))
 
 
 @checked_arguments

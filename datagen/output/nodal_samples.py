@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -20,6 +21,8 @@ from shared_schema.common.units import Units
 from shared_schema.dataset_reader import DatasetReader
 from shared_schema.layout import Arrays
 from shared_schema.manifest import ShardEntry
+
+Array = NDArray[np.float64]
 
 
 class DatasetBody:
@@ -163,12 +166,28 @@ class NodalSamples(DatasetBody):
                 raise InputError(f"{folder}: 'mesh/pressed' names a node outside the mesh")
             self.surfaces = [facets[of == i] for i in np.unique(of)]
 
-    def __getitem__(self, number: int) -> Sample:
-        """Read a solved sample; consecutive samples of one shard read the shard once."""
+    @property
+    def are_motions(self) -> bool:
+        """True if the samples have frames."""
+        return "frames/time" in self._arrays
+
+    def frames(self, number: int) -> Iterator[tuple[float, Array, Array]]:
+        """Yield time in s, displacement in m and velocity in m/s, (n_nodes, d), of a motion."""
+        row, arrays = self._row(number), self._arrays
+        moved = (arrays[f"samples/frame_{name}"][row] for name in ("displacement", "velocity"))
+        for at, u, v in zip(arrays["frames/time"], *moved, strict=True):
+            yield float(at), u, v
+
+    def _row(self, number: int) -> int:
+        """Row of a sample in its shard, which is read if it is not the last one."""
         entry = self._entry_of[number]
         if entry != self._loaded:
             self._loaded, self._arrays = entry, self._reader.shard(entry)
-        row = self._arrays["samples/number"].tolist().index(number)
+        return int(self._arrays["samples/number"].tolist().index(number))
+
+    def __getitem__(self, number: int) -> Sample:
+        """Read a solved sample; consecutive samples of one shard read the shard once."""
+        row = self._row(number)
         nodes = self._arrays["samples/loaded_nodes"][row]
         loads = self._arrays["samples/force"][row]
         force = scatter_forces(nodes, loads, len(self.coordinates))

@@ -64,7 +64,8 @@ def export(
         File to write, ending in .xdmf or .pvd.
     samples : str or range, optional
         Half-open range of sample numbers, also as text A:B; otherwise the first 100 samples. Load
-        cases in it that could not be solved are left out.
+        cases in it that could not be solved are left out. Of motions, the frames of one sample are
+        written, with their times.
     stresses : bool
         Compute stresses and reactions as well.
 
@@ -94,13 +95,21 @@ def export(
     else:
         text = samples if isinstance(samples, str) else f"{samples.start}:{samples.stop}"
         numbers = dataset.within(text)
-    if path.suffix == ".xdmf":
+    if dataset.are_motions:
+        if len(numbers) > 1 or stresses:
+            given = "--stresses" if stresses else f"{len(numbers)} samples"
+            raise InputError(
+                f"{folder}: the samples are motions: {given}: expected --samples of one"
+            )
+    elif path.suffix == ".xdmf":
         size = BYTES[0] * len(dataset.coordinates) + BYTES[1] * len(dataset.cells) * stresses
         what = f"--out '{path}': {len(numbers)} samples in one file (--samples, or .pvd)"
         require_memory(size * len(numbers), what)
     fields = _with_stresses(dataset, folder) if stresses else _fields
     mesh = dataset.coordinates, dataset.cells, dataset.cell_type
-    frames = ((each.number, *fields(each)) for each in _in_turn(dataset, numbers))
+    frames: Iterator[Timed] = ((each.number, *fields(each)) for each in _in_turn(dataset, numbers))
+    if dataset.are_motions:
+        frames = (in_motion(*frame) for frame in dataset.frames(numbers[0]))
     write_series(path, mesh, frames)
     return numbers
 
@@ -126,6 +135,11 @@ def write_series(path: Path, mesh: Mesh, frames: Iterable[Timed]) -> None:
     write = _write_xdmf if path.suffix == ".xdmf" else _write_pvd
     with _both(path, data) as (partial, partial_data):
         write(partial, partial_data, data.name, mesh, frames)
+
+
+def in_motion(at: float, displacement: NDArray[np.float64], velocity: NDArray[np.float64]) -> Timed:
+    """One frame of a motion."""
+    return at, {"displacement": in_space(displacement), "velocity": in_space(velocity)}, {}
 
 
 def _data_of(path: Path) -> Path:

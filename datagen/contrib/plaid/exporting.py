@@ -137,6 +137,7 @@ def export_plaid(
         raise InputError(f"--out '{out}': exists, expected a new folder")
     interpreter = require_interpreter(python)
     reader = DatasetReader(folder, "nodal")
+    reader.require_equilibria()
     manifest = reader.manifest
     if reader.cell_type not in ELEMENTS:
         expected = ", ".join(ELEMENTS)

@@ -74,10 +74,16 @@ def test_a_dataset_of_motions(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert np.array_equal(arrays["samples/displacement"], arrays[FRAMES[0]][:, -1])
     assert not arrays[FRAMES[0]][:, 0].any()
     assert arrays["samples/frame_factor"][0] != pytest.approx(arrays["samples/frame_factor"][1])
-    for words in (["structure", str(out), "--out"], ["noise", str(out), "--out"]):
-        assert main([*words, str(tmp_path / "other")]) == 2
+    for words in ("structure", "noise"):
+        assert main([*words.split(), str(out), "--out", str(tmp_path / "other")]) == 2
         assert "the samples are motions, expected equilibria" in capsys.readouterr().err
     assert not (tmp_path / "other").exists()
+    series = tmp_path / "series.pvd"
+    assert main(["export", str(out), "--out", str(series)]) == 2
+    assert "2 samples: expected --samples of one" in capsys.readouterr().err
+    assert main(["export", str(out), "--samples", "1:2", "--out", str(series)]) == 0
+    assert series.read_text().count("timestep") == 16
+    assert 'timestep="1.2"' in series.read_text()
 
 
 def test_failed_motions_are_recorded(tmp_path: Path) -> None:
