@@ -53,6 +53,16 @@ def test_every_kind(model: surrogate.Surrogate, dataset: Dataset) -> None:
     assert list(exceeded(np.stack([0 * forces, forces]))) == ["number", "resultant"]
 
 
+def test_forces_that_add_up_beside_those_that_never_do() -> None:
+    """Those of pressures in chambers have no resultant but rounding: it is said to be 0."""
+    loads = LoadRange(fewest=4, most=12, resultant=(8e-16, 0.0))
+    found = TrainingRange((1.0, 1.0), np.ones(12, dtype=bool), loads)
+    closed = np.array([(1, 0), (-1, 0), (0, 1), (0, -1)] * 3) / 2 + 1e-9
+    assert found.exceeded(closed) == {}
+    said = "the resultant is beyond that of the training data (0)"
+    assert found.exceeded(closed + np.array([0.01, 0])) == {"resultant": said}
+
+
 def test_one_node_on_a_network_of_tractions() -> None:
     loads = LoadRange(fewest=4, most=9, resultant=(1.0, 1.0))
     found = TrainingRange((1.0, 1.0), np.ones(12, dtype=bool), loads)

@@ -22,7 +22,10 @@ from surrogate.mechanics.equilibrium.linear_response import LinearResponse
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from surrogate.mechanics.series.compiled_series import in_threads
 from surrogate.mechanics.series.series_response import SeriesResponse
+from surrogate.mechanics.statics.load import Load
+from surrogate.mechanics.statics.prediction import Series
 from tests.surrogate.mechanics.bodies import MATERIAL, box, end_load, in_equilibrium, zoned
+from tests.surrogate.mechanics.statics.test_cables import pulled
 from tests.surrogate.resuming import assert_resumes, trained
 from tests.surrogate.unet_configs import unet_config
 
@@ -244,3 +247,25 @@ def test_threads_share_all_loads(
     in_threads(parts.append, loads, least)
     assert len(parts) == shares
     assert sorted(n for part in parts for n in range(part.start, part.stop)) == list(range(loads))
+
+
+def test_tensions_are_told_on_the_grid() -> None:
+    """Forces of a sample tell its tensions; the series is that which is given them."""
+    body = pulled("quad", "linear")
+    geometry = body.geometry
+    response = SeriesResponse(geometry, body.material, False, 5)
+    load = Load.of(geometry, actuate={"along": 9.0, "anchored": 3.0})
+    at_rest = load.at_rest(geometry)
+    beside = at_rest.copy()
+    beside[np.flatnonzero(geometry.free.all(axis=1))[0]] += 1.0  # another force: none are told
+    grids = np.stack([geometry.grid.forces_to_grid(f) for f in (at_rest, beside)])
+    force = torch.from_numpy(grids).float()
+    assert response.pressed is not None
+    dead, tensions = response.pressed.told_apart(response.to_nodes(force.flatten(2)).double())
+    assert tensions is not None
+    np.testing.assert_allclose(tensions, [[9.0, 3.0], [0.0, 0.0]], atol=1e-4)
+    assert not dead[0].any()
+    assert dead[1].any()
+    found = geometry.grid.to_nodes(response(force)[0][0].numpy())
+    expected, _ = Series(body).respond(load)
+    np.testing.assert_allclose(found, expected, atol=1e-4 * np.abs(expected).max())
