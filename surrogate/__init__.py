@@ -40,6 +40,8 @@ if TYPE_CHECKING:
     from surrogate.mechanics.descent.aim import UnreachedToleranceWarning
     from surrogate.mechanics.identification.identification import Identification, identify
     from surrogate.mechanics.identification.markers import Markers
+    from surrogate.mechanics.motion.frame import Frame
+    from surrogate.mechanics.motion.session import Session
     from surrogate.mechanics.sampling.sampling import sample
     from surrogate.mechanics.touch.grip import Grip, GripFrame
     from surrogate.mechanics.touch.touch import Touch, TouchFrame
@@ -57,6 +59,7 @@ __all__ = [
     "Dataset",
     "Deterministic",
     "Evaluation",
+    "Frame",
     "Grip",
     "GripFrame",
     "Identification",
@@ -65,6 +68,7 @@ __all__ = [
     "NetworkModel",
     "OutsideTrainingWarning",
     "Published",
+    "Session",
     "Solution",
     "Surrogate",
     "Touch",

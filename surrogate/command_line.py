@@ -13,8 +13,8 @@ from surrogate.command_options import speaks
 from surrogate.extensions import CONTRIB
 
 NAMES = (  # in the order of the help
-    "init schema sample train evaluate calibrate compare predict identify actuate "
-    "balance export report page touch serve list shelve"
+    "init schema sample train evaluate calibrate compare predict simulate "
+    "identify actuate balance export report page touch serve list shelve"
 )
 ELSEWHERE = {**CONTRIB, **dict.fromkeys(("list", "shelve"), "surrogate.commands.shelf")}
 COMMANDS = {

@@ -71,7 +71,7 @@ def run(options: argparse.Namespace) -> None:
     import surrogate
     from shared_schema.common.errors import InputError, WorkError
     from surrogate.serving.admission import Admission
-    from surrogate.serving.session import make_first_frame
+    from surrogate.serving.client import make_first_frame
 
     try:
         from surrogate.serving.server import Server, serve_forever

@@ -1,13 +1,7 @@
 """A server for other programs: grips, tools and loads on a body, by messages.
 
-==================  ================================================================
-`session`           one client: its requests and the replies to them, without a network
-`control_requests`  those of a controller
-`admission`         who may connect
-`server`            WebSocket connections of such clients
-==================  ================================================================
-"""
+==================  ========================================================="""
 
-from surrogate.serving.session import Session
+from surrogate.serving.client import Client
 
-__all__ = ["Session"]
+__all__ = ["Client"]

@@ -1,4 +1,4 @@
-"""WebSocket connections of clients, each with a session and a thread of its own (RFC 6455).
+"""WebSocket connections of clients, each with a state and a thread of its own (RFC 6455).
 
 Messages are texts of at most `LARGEST` bytes in at most `FRAGMENTS` parts; others end their
 connection. Requests of a client are answered one after the other, those of several clients at the
@@ -24,7 +24,7 @@ from websockets.http11 import Request, Response
 from shared_schema.tools import Mesh
 from surrogate.learning.inference.surrogate import Surrogate
 from surrogate.serving.admission import Admission
-from surrogate.serving.session import Session
+from surrogate.serving.client import Client
 
 logger = logging.getLogger(__name__)
 of_strangers = logging.getLogger(f"{__name__}.strangers")  # what they send is no news
@@ -90,11 +90,11 @@ async def serve_forever(
                 await connection.close(BUSY, f"{CLIENTS} clients are connected")
                 return
             clients.add(connection)
-            session = Session(model, meshes, seconds)
+            client = Client(model, meshes, seconds)
             gone = asyncio.ensure_future(connection.wait_closed())
-            gone.add_done_callback(lambda _: session.stop())
+            gone.add_done_callback(lambda _: client.stop())
             try:
-                await converse(connection, session, threads)
+                await converse(connection, client, threads)
             except ConnectionClosed:
                 pass
             except Exception:
@@ -120,7 +120,7 @@ async def serve_forever(
 
 
 async def converse(
-    connection: ServerConnection, session: Session, threads: ThreadPoolExecutor
+    connection: ServerConnection, client: Client, threads: ThreadPoolExecutor
 ) -> None:
     """Answer the requests of a client until it goes, or ConnectionClosed says that it has gone."""
     loop = asyncio.get_running_loop()
@@ -129,7 +129,7 @@ async def converse(
         if request is None:
             await connection.close(TOO_BIG, f"expected {FRAGMENTS} fragments at most")
             return
-        await connection.send(await loop.run_in_executor(threads, session.answer, request))
+        await connection.send(await loop.run_in_executor(threads, client.answer, request))
 
 
 async def received(connection: ServerConnection) -> str | bytes | None:

@@ -62,7 +62,7 @@ LAYERS = {  # packages and root modules; imports go downwards, or anywhere insid
         ["mechanics.certify", "mechanics.modal_equilibrium"],
         ["mechanics.statics"],
         ["mechanics.touch", "mechanics.sampling"],
-        ["mechanics.identification"],
+        ["mechanics.identification", "mechanics.motion"],
         ["mechanics.actuation"],
         ["learning.data", "learning.probabilistic"],
         ["learning.networks"],

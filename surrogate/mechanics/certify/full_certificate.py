@@ -159,7 +159,18 @@ def certify(
 
 def _certified(equilibrium: Equilibrium, load: Array, u: Array) -> tuple[NDArray[Any], ...]:
     """Arrays of the certificates of N predictions."""
-    f, held = equilibrium.posed(load, u)
+    return _at_points(equilibrium, *equilibrium.posed(load, u), u)
+
+
+def certified_at_points(equilibrium: Equilibrium, force: Array, u: Array) -> Certificate:
+    """The same of one state of all points under forces on these: (n_points, d) in N and m."""
+    f, at_points = force[None], u[None]
+    found = _at_points(equilibrium, f, at_points, at_points[:, : equilibrium.nodes])
+    return Certificate(*(array[0] for array in found), units=equilibrium.units)
+
+
+def _at_points(equilibrium: Equilibrium, f: Array, held: Array, u: Array) -> tuple[Any, ...]:
+    """Arrays of the certificates of predictions u at the nodes, which are `held` at all points."""
     inverted = equilibrium.inverted(held)
     residual = np.where(inverted == 0, norms(equilibrium.out_of_balance(held, f)), np.inf)
     sound = np.flatnonzero(np.isfinite(residual))
@@ -190,7 +201,7 @@ def _settled(equilibrium: Equilibrium, f: Array, u: Array) -> tuple[Array, NDArr
         for row, step in zip(going[~contracts], found.steps[~contracts], strict=True):
             one = slice(row, row + 1)
             r = equilibrium.out_of_balance(truth[one], f[one])
-            if equilibrium.following is None:
+            if equilibrium.has_potential:
                 advanced = searched(equilibrium, f[one], truth[one], r, step[None])
             else:
                 advanced = damped(equilibrium, f[one], truth[one], r)

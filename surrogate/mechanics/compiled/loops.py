@@ -69,6 +69,42 @@ def add_forces_of(cells: Cells, stress: Array, out: Array) -> None:
 
 
 @compiled
+def add_viscous_forces(cells: Cells, viscosity: Array, u: Array, v: Array, out: Array) -> None:
+    """Add the forces of F S with S = η sym(Fᵀ ∇v), η by blocks: (n_nodes, d) twice → same."""
+    blocks, points, corners, d, row = cells.gradients.shape
+    of_corners = np.empty((3, corners, d, row))
+    tensors = np.empty((4, d, d, row))
+    f, rate, stress, piola = tensors[0], tensors[1], tensors[2], tensors[3]
+    for block in range(blocks):
+        at_corners(cells.nodes[block], u, of_corners[0])
+        at_corners(cells.nodes[block], v, of_corners[1])
+        of_corners[2] = 0
+        for p in range(points):
+            gradients = cells.gradients[block, p]
+            slopes_of(gradients, of_corners[0], f)
+            slopes_of(gradients, of_corners[1], rate)
+            stress[:], piola[:] = 0, 0
+            for i in range(d):
+                for q in range(row):
+                    f[i, i, q] += 1
+            volumes, eta = cells.volumes[block * points + p], viscosity[block]
+            for j in range(d):
+                for k in range(d):
+                    for i in range(d):
+                        for q in range(row):
+                            half = volumes[q] * eta[q] / 2
+                            work = f[i, j, q] * rate[i, k, q] + f[i, k, q] * rate[i, j, q]
+                            stress[j, k, q] += half * work
+            for i in range(d):
+                for k in range(d):
+                    for j in range(d):
+                        for q in range(row):
+                            piola[i, k, q] += f[i, j, q] * stress[j, k, q]
+            add_forces(gradients, piola, of_corners[2])
+        add_at_nodes(cells.nodes[block], of_corners[2], out)
+
+
+@compiled
 def deform(cells: Cells, u: Array, f: Array) -> None:
     """Write F: (n_nodes, d) → (n_rows, d, d, n)."""
     slopes_at(cells, u, f)

@@ -60,9 +60,12 @@ class Directions:
             linear = linear / 2
         return found
 
-    def direction(self, state: State) -> Array:
-        """The direction d = −H r, (n_points, d) in m, along which r does negative work."""
-        asked = self.asking(state, state.r)
+    def direction(self, state: State, r: Array | None = None) -> Array:
+        """The direction d = −H r, (n_points, d) in m, along which r does negative work.
+
+        r is that of the state, unless other forces in N are given.
+        """
+        asked = self.asking(state, state.r if r is None else r)
         try:
             request = next(asked)
             while True:
@@ -94,7 +97,7 @@ class Directions:
                 continue
             after = float(np.vdot(d, found.r))
             if after <= -TURNED * work:
-                self._remember(part * d, found.r - state.r)
+                self.remember(part * d, found.r - state.r)
                 return found
             part *= max(LEAST, work / (work - after))  # no force along d there, if it is linear
         return None
@@ -105,7 +108,8 @@ class Directions:
         self._pairs.clear()
         return some
 
-    def _remember(self, s: Array, y: Array) -> None:
+    def remember(self, s: Array, y: Array) -> None:
+        """Keep a step in m and the change of r in N along it, (n_points, d) each."""
         work = float(np.vdot(s, y))
         if work > CURVED * float(np.linalg.norm(s)) * float(np.linalg.norm(y)):
             self._pairs.append((s, y, 1 / work))

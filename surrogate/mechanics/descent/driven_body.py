@@ -64,10 +64,12 @@ class DrivenBody:
     softening: Softening
 
     @classmethod
-    def of(cls, equilibrium: Equilibrium) -> DrivenBody:
-        """Make what does not depend on the load."""
+    def of(cls, equilibrium: Equilibrium, soft: bool = True) -> DrivenBody:
+        """Make what does not depend on the load, without `soft` modes where none are looked at."""
         compliance = CarriedCompliance(equilibrium)
-        modes = soft_modes(equilibrium, compliance.linear_response)
+        modes = np.empty((0, *equilibrium.free.shape))
+        if soft:
+            modes = soft_modes(equilibrium, compliance.linear_response)
         softening = Softening(equilibrium.solid.compiled, modes)
         return cls(equilibrium, compliance, modes, softening)
 

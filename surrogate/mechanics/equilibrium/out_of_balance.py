@@ -15,7 +15,7 @@ Under loads that follow the body (`surrogate.mechanics.equilibrium.following_loa
 K is not symmetric in general, so that Π does not exist; δ is always that of K itself. A state
 counts as stable where the symmetric part of K is positive definite: then every small displacement
 takes work. Springs to a rigid tool (`surrogate.mechanics.equilibrium.tool_springs`) add to Π, r and
-K.
+K, and so does the inertia of a time step (`surrogate.mechanics.equilibrium.inertia`), also to K(0).
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ from shared_schema.materials import Materials, as_tuple
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.equilibrium import quadratic
 from surrogate.mechanics.equilibrium.following_loads import FollowingLoads
+from surrogate.mechanics.equilibrium.inertia import Inertia
 from surrogate.mechanics.equilibrium.newton_steps import NewtonSteps
 from surrogate.mechanics.equilibrium.tool_springs import ToolSprings
 from surrogate.mechanics.matrices.factors import Factor, SymmetricFactor, in_single_precision
@@ -90,12 +91,15 @@ class Equilibrium:
         Those of one load case, which act on all displacements (`under`).
     springs : ToolSprings or None
         Springs to a tool, which push all displacements (`against`).
+    inertia : Inertia or None
+        That of a time step, in which it is found (`moving`).
     units : Units
         Labels of what is computed here, for messages.
     """
 
     following: FollowingLoads | None = None
     springs: ToolSprings | None = None
+    inertia: Inertia | None = None
 
     def __init__(self, geometry: Geometry, material: Materials, on_points: bool = False) -> None:
         self.nodes, self.points = len(geometry.coordinates), None
@@ -132,11 +136,30 @@ class Equilibrium:
         body.springs = springs
         return body
 
+    def moving(self, inertia: Inertia) -> Equilibrium:
+        """Return equilibria of the same body in a time step; factors are of this length of steps.
+
+        The body may be one in another step already.
+        """
+        body, known = copy(self), self.inertia
+        body.inertia = inertia
+        if known is None or known.masses is not inertia.masses:
+            for name in ("undeformed", "rough", "round_off", "of_masses"):
+                body.__dict__.pop(name, None)
+            body.__dict__["of_masses"] = self.layout.assembled(inertia.masses.tangents())[0]
+        return body
+
     def _same_body(self) -> Equilibrium:
         """A copy, whose factor of K(0) is that of this body."""
         body, known = copy(self), {"undeformed": self.undeformed, "round_off": self.round_off}
         body.__dict__.update(known)
         return body
+
+    @property
+    def has_potential(self) -> bool:
+        """Whether all forces are those of Π."""
+        viscous = self.inertia is not None and self.inertia.masses.viscosity is not None
+        return self.following is None and not viscous
 
     def at_points(self, u: Array, f: Array) -> Array:
         """Displacements of all points by those of the nodes in m, under forces f on all in N.
@@ -186,6 +209,8 @@ class Equilibrium:
 
     def at_rest(self, f: Array) -> Array:
         """Forces on the undeformed body, those of following loads too: (N, n_nodes, d) in N."""
+        if self.inertia is not None:
+            f = f + self.inertia.forces(np.zeros(self.free.shape))
         return f if self.following is None else f + self.following.at_rest
 
     def inverted(self, u: Array) -> NDArray[np.int64]:
@@ -198,6 +223,8 @@ class Equilibrium:
         potential: Array = energy - (u * f).sum((1, 2))
         if self.springs is not None:
             potential += [self.springs.potential(each) for each in u]
+        if self.inertia is not None:
+            potential += [self.inertia.potential(each) for each in u]
         potential[np.isnan(potential)] = np.inf
         return potential
 
@@ -209,9 +236,11 @@ class Equilibrium:
         return r
 
     def external(self, u: Array, f: Array) -> Array:
-        """Forces f, and those of following loads and springs on the deformed body, in N."""
+        """Forces f, and those of following loads, inertia and springs on the deformed body, in N."""
         if self.following is not None:
             f = f + self._following_of(u).forces(u)
+        if self.inertia is not None:
+            f = f + [self.inertia.forces(each) for each in u]
         return f if self.springs is None else f + [self.springs.forces(each) for each in u]
 
     def inverse_at(
@@ -371,12 +400,25 @@ class Equilibrium:
         return self.layout.with_blocks(tangent, *self.springs.tangent(u[0]))
 
     def _tangent_of_solid(self, u: Array) -> Array:
-        return self.layout.assembled(self.solid.compiled.cell_tangents(u))[0]
+        """K(u) of the elements, and what inertia adds."""
+        found = self.layout.assembled(self.solid.compiled.cell_tangents(u))[0]
+        if self.inertia is None:
+            return found
+        masses = self.inertia.masses
+        if masses.viscosity is None:
+            return np.asarray(found + self.of_masses)
+        return np.asarray(found + self.layout.assembled(masses.tangents(u[0]))[0])
+
+    @cached_property
+    def of_masses(self) -> Array | float:
+        """What inertia adds to K(0), as `layout` assembles it."""
+        return 0.0
 
     @property
     def _at_rest(self) -> Array:
         """K(0)."""
-        return self.layout.assembled(self.solid.stiffness_at_rest())[0]
+        found = self.layout.assembled(self.solid.stiffness_at_rest())[0]
+        return np.asarray(found + self.of_masses)
 
     def _shifted(self, tangent: Array, shift: float) -> Factor:
         """Factorise K(u) + τ K(0); K(0) if no τ is sufficient."""

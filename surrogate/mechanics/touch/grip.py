@@ -126,7 +126,7 @@ class Grip(Frames[HeldComponents, GripFrame]):
     ) -> None:
         together = CommandLoads(model.body.geometry.loaded_body)
         places, displacements = [], []
-        for text in _texts(held, model.body.geometry.dimension):
+        for text in texts_of_held(held, model.body.geometry.dimension):
             before = together.moved.copy()
             together.move(text, nearest)
             places.append(together.moved & ~before)
@@ -249,7 +249,7 @@ def at_points(geometry: Geometry, moved: NDArray[np.bool_]) -> NDArray[np.bool_]
     return np.asarray(points.held(geometry.held | moved) & geometry.free_at_points)
 
 
-def _texts(held: Held, dimension: int) -> list[str]:
+def texts_of_held(held: Held, dimension: int) -> list[str]:
     """Texts of places and displacements; InputError if nothing is held."""
     if isinstance(held, Mapping):
         parts = {place: ["-" if v is None else str(v) for v in u] for place, u in held.items()}

@@ -13,7 +13,7 @@ import pytest
 import surrogate
 from shared_schema.tools import Sphere
 from surrogate.runtime.time_limit import OutOfTimeError, TimeLimit
-from surrogate.serving import Session
+from surrogate.serving import Client
 from tests.surrogate.mechanics.actuation.test_actuation import fitted
 from tests.surrogate.mechanics.actuation.test_controller import Plant
 from tests.surrogate.mechanics.statics.test_cables import pulled
@@ -24,13 +24,13 @@ def beam() -> surrogate.Surrogate:
     return surrogate.load("beam2d_any")
 
 
-def ask(session: Session, **request: Any) -> dict[str, Any]:
+def ask(session: Client, **request: Any) -> dict[str, Any]:
     reply: dict[str, Any] = json.loads(session.answer(json.dumps(request)))
     return reply
 
 
 def test_requests_are_those_of_python(beam: surrogate.Surrogate) -> None:
-    session = Session(beam)
+    session = Client(beam)
     mesh = ask(session, do="mesh", id=7)
     np.testing.assert_array_equal(mesh["coordinates"], beam.geometry.coordinates)
     assert (mesh["id"], mesh["case"], mesh["length"]) == (7, "beam2d_any", "m")
@@ -59,7 +59,7 @@ def test_a_client_controls_a_body() -> None:
     """Replies are frames of a controller; null is a marker that is not seen."""
     plant = Plant(fitted(pulled("quad", "linear")))
     model: Any = SimpleNamespace(geometry=plant.model.body.geometry, actuation=plant.model)
-    session, target = Session(model), plant.goal({"along": 9.0, "anchored": 3.0}).tolist()
+    session, target = Client(model), plant.goal({"along": 9.0, "anchored": 3.0}).tolist()
     setting = {"markers": plant.at_rest.tolist(), "rates": {"along": 1e3, "anchored": 1e3}}
     given, aim = {"along": 0.0, "anchored": 0.0}, {plant.place: target}
     for frame in range(8):
@@ -127,7 +127,7 @@ def test_a_client_controls_a_body() -> None:
     ],
 )
 def test_wrong_requests(beam: surrogate.Surrogate, request_: str | bytes, said: str) -> None:
-    reply = json.loads(Session(beam).answer(request_))
+    reply = json.loads(Client(beam).answer(request_))
     assert reply["kind"] == "input"
     assert said in reply["error"]
     assert len(reply["error"]) <= 1000
@@ -136,7 +136,7 @@ def test_wrong_requests(beam: surrogate.Surrogate, request_: str | bytes, said: 
 def test_failed_searches_and_bugs_are_replies(
     beam: surrogate.Surrogate, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    session = Session(beam)
+    session = Client(beam)
     assert ask(session, do="push", tool="sphere:2,0.5:0.3")["kind"] == "work"
     monkeypatch.setattr(session, "_model", None)
     assert ask(session, do="load", id="a")["kind"] == "bug"
@@ -145,7 +145,7 @@ def test_failed_searches_and_bugs_are_replies(
 
 def test_work_beyond_its_time_ends(beam: surrogate.Surrogate) -> None:
     """No prediction begins after the limit; the body is at rest again, and goes on."""
-    session = Session(beam, seconds=-1)
+    session = Client(beam, seconds=-1)
     for request in (
         {"do": "load", "load": ["4,1:0,-1.5"]},
         {"do": "push", "tool": "sphere:3,1.2:0.3"},
@@ -159,10 +159,10 @@ def test_work_beyond_its_time_ends(beam: surrogate.Surrogate) -> None:
         }
         assert "expected a push" in ask(session, do="feel", tool="sphere:3,1.2:0.3")["error"]
     assert not np.any(ask(session, do="let_go")["displacement"])
-    stopped = Session(beam)
+    stopped = Client(beam)
     stopped.stop()
     assert ask(stopped, do="load", load=["4,1:0,-1.5"])["kind"] == "work"
-    assert "displacement" in ask(Session(beam), do="load", load=["4,1:0,-1.5"])
+    assert "displacement" in ask(Client(beam), do="load", load=["4,1:0,-1.5"])
 
 
 def test_contact_searches_end_as_well(beam: surrogate.Surrogate) -> None:
@@ -177,7 +177,7 @@ def test_sessions_in_threads_answer_as_one_alone(beam: surrogate.Surrogate) -> N
     """Frames of four clients at the same time, bit by bit those of each alone."""
 
     def frames(number: int) -> list[str]:
-        session, x = Session(beam), 2.6 + 0.2 * number
+        session, x = Client(beam), 2.6 + 0.2 * number
         tools = [f"sphere:{x},{y}:0.3" for y in (1.28, 1.25, 1.2)]
         said: list[dict[str, Any]] = [{"do": "push", "tool": tool} for tool in tools]
         held = {"4,1": [None, -0.1 * number], "4,0": [0, None]}

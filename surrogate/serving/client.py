@@ -17,6 +17,9 @@ server was started with.
 ``feel``      ``tool``, close to that of the last ``push``             reaction
 ``hold``      ``held``: places and displacements, null where free;     displacement, reactions
               ``load``, ``body_force``
+``step``      ``seconds``; ``density`` in kg/m³ and ``damping`` of     displacement, velocity, time,
+              the first one; ``load``, ``body_force``, ``tool``,       error, reaction
+              ``held``, ``actuate``: numbers by names
 ``let_go``                                                             displacement
 ``control``   ``measured``, ``target``; first ``markers``, and         given, places, missed, …
               ``loads``, ``within``, ``rates``, ``period``
@@ -39,11 +42,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from shared_schema.common.bodies.command_loads import CommandLoads
+from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError, WorkError
+from shared_schema.motion import Damping
 from shared_schema.tools import Mesh, Tool, parse_tool
 from surrogate.learning.inference.surrogate import Surrogate
 from surrogate.mechanics.actuation.controller import Controller
-from surrogate.mechanics.statics.load import given_load
+from surrogate.mechanics.motion.session import Session
+from surrogate.mechanics.statics.load import Load, given_load
 from surrogate.mechanics.touch import Grip, Touch
 from surrogate.runtime.time_limit import OutOfTimeError, TimeLimit
 from surrogate.serving import control_requests
@@ -57,6 +64,7 @@ KEYS = {
     "push": {"tool", "load", "body_force"},
     "feel": {"tool"},
     "hold": {"held", "load", "body_force"},
+    "step": {"seconds", "density", "damping", "load", "body_force", "tool", "held", "actuate"},
     "let_go": set[str](),
     "control": control_requests.KEYS,
 }
@@ -67,13 +75,13 @@ LONGEST = 1000  # letters of an error, and of an id
 SMALL = 1e-3  # of the body's extents
 
 
-class Session:
+class Client:
     """Requests of one client.
 
     Parameters
     ----------
     model : Surrogate
-        It may be shared by sessions.
+        It may be shared by clients.
     meshes : mapping of str to Mesh, optional
         Tools by the names that requests have for them.
     seconds : float
@@ -88,6 +96,7 @@ class Session:
         self._touch: Touch | None = None
         self._grips: dict[tuple[str, ...], Grip] = {}
         self._controller: Controller | None = None
+        self._moving: Session | None = None
 
     def answer(self, text: str | bytes) -> str:
         """Reply to a request; whatever it is, there is a reply."""
@@ -123,6 +132,7 @@ class Session:
             "push": self._push,
             "feel": self._feel,
             "hold": self._hold,
+            "step": self._step,
             "let_go": self._let_go,
             "control": self._control,
         }
@@ -160,15 +170,7 @@ class Session:
         return {"reaction": self._touch.reaction(self._tool(message)).tolist()}
 
     def _hold(self, message: Message) -> dict[str, Any]:
-        held = message.get("held")
-        if not isinstance(held, dict) or not 0 < len(held) <= MOST:
-            raise InputError(f"held: expected an object of 1 to {MOST} places and displacements")
-        d = self._model.geometry.dimension
-        for place, moved in held.items():
-            if not isinstance(moved, list) or len(moved) != d:
-                raise InputError(f"held: '{place}': expected {d} numbers or null")
-            if not all(part is None or is_number(part) for part in moved):
-                raise InputError(f"held: '{place}': expected {d} numbers or null")
+        held = self._held(message)
         key = tuple(
             f"{place}:{','.join('-' if part is None else '0' for part in moved)}"
             for place, moved in held.items()
@@ -178,6 +180,31 @@ class Session:
         moves = [[part or 0.0 for part in moved] for moved in held.values()]
         frame = self._grips[key].move(moves, self._given(message))
         found = {"reactions": frame.reactions.tolist()}
+        return found | self._field(message, frame.displacement)
+
+    def _step(self, message: Message) -> dict[str, Any]:
+        if self._moving is None:
+            given: dict[str, Any] = {}
+            if "density" in message:
+                given["density"] = _number(message, "density")
+            if "damping" in message:
+                given["damping"] = validate(Damping, message["damping"], "damping")
+            self._moving = Session(self._model, **given)
+        elif not {"density", "damping"}.isdisjoint(message):
+            raise InputError("density, damping: expected in the first step alone")
+        actuate = message.get("actuate", {})
+        if not isinstance(actuate, dict) or not all(map(is_number, actuate.values())):
+            raise InputError("actuate: expected an object of names and numbers")
+        frame = self._moving.step(
+            _number(message, "seconds"),
+            Load.of(self._model.geometry, self._load_of(message), actuate=actuate),
+            tool=self._tool(message) if "tool" in message else None,
+            held=self._held(message) if "held" in message else None,
+        )
+        found: dict[str, Any] = {"time": frame.time, "error": frame.error}
+        found["reaction"] = frame.reaction.tolist()
+        if message.get("fields", True) is not False:
+            found["velocity"] = self._field(message, frame.velocity)["displacement"]
         return found | self._field(message, frame.displacement)
 
     def _let_go(self, message: Message) -> dict[str, Any]:
@@ -192,7 +219,20 @@ class Session:
         return control_requests.reply_of(frame) | self._field(message, frame.displacement)
 
     def _begin_at_rest(self) -> None:
-        self._touch, self._grips, self._controller = None, {}, None
+        self._touch, self._grips, self._controller, self._moving = None, {}, None, None
+
+    def _held(self, message: Message) -> dict[str, list[float | None]]:
+        """Places that are held, and their displacements."""
+        held = message.get("held")
+        if not isinstance(held, dict) or not 0 < len(held) <= MOST:
+            raise InputError(f"held: expected an object of 1 to {MOST} places and displacements")
+        d = self._model.geometry.dimension
+        for place, moved in held.items():
+            if not isinstance(moved, list) or len(moved) != d:
+                raise InputError(f"held: '{place}': expected {d} numbers or null")
+            if not all(part is None or is_number(part) for part in moved):
+                raise InputError(f"held: '{place}': expected {d} numbers or null")
+        return held
 
     def _tool(self, message: Message) -> Tool:
         """The tool of a request."""
@@ -202,6 +242,10 @@ class Session:
 
     def _given(self, message: Message) -> Array:
         """The load beside what is pushed or held, in N."""
+        return self._load_of(message).load
+
+    def _load_of(self, message: Message) -> CommandLoads:
+        """The same as forces of a command, without pressures."""
         texts, density = message.get("load", []), message.get("body_force")
         if not isinstance(texts, list) or not all(isinstance(text, str) for text in texts):
             raise InputError("load: expected a list of texts")
@@ -212,7 +256,7 @@ class Session:
         given = given_load(self._model.geometry, texts, False, density, needed=False)
         if given.surfaces:
             raise InputError("load: expected forces, no pressure")
-        return given.load
+        return given
 
     def _field(self, message: Message, displacement: Array) -> dict[str, Any]:
         if message.get("fields", True) is False:
@@ -256,6 +300,14 @@ def read_message(text: str | bytes) -> Message:
     if not (is_number(name) or (isinstance(name, str) and len(name) <= LONGEST)):
         raise InputError(f"id: expected a number, or a text of at most {LONGEST} letters")
     return message
+
+
+def _number(message: Message, key: str) -> float:
+    """A number of a request."""
+    value = message.get(key)
+    if not is_number(value):
+        raise InputError(f"{key}: expected a number")
+    return float(value)  # type: ignore[arg-type]
 
 
 def _no_number(name: str) -> float:

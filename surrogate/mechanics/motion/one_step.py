@@ -1,0 +1,172 @@
+r"""One step: directions from where the body coasts, until the rest is short.
+
+A step is an equilibrium with springs to where the body coasts
+(`surrogate.mechanics.equilibrium.inertia`), which hold it all the faster, the shorter the step is.
+From the state that goes on as before, :math:`u + h v + \tfrac12 h^2 a`, directions
+(`surrogate.mechanics.descent.directions`) lead there. What is left after a direction d is about
+
+.. math:: e = q \, |d|, \qquad q = |d_2| / |d_1|,
+
+with the contraction q of the last step that has taken two directions. They end where e is within
+the tolerance. After `LOOKED` steps a second one is taken for q. Where `MOST` directions do not
+suffice, steps of Newton's method do.
+
+With a tool, forces that keep its surface free are sought after each direction
+(`surrogate.mechanics.motion.contact`), and what they move is added to it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared_schema.common.errors import WorkError
+from surrogate.mechanics.descent.directions import Directions
+from surrogate.mechanics.descent.driven_body import DrivenBody, State, longest
+from surrogate.mechanics.motion.contact import ToolForces
+
+Array = NDArray[np.float64]
+MOST, MOST_STEPS, HALVINGS = 30, 20, 6  # directions, Newton's steps after them, parts of a step
+LOOKED = 8  # steps after which the contraction is looked at
+LARGEST = 0.5  # contraction of which anything is concluded
+NEWTON = 0.1  # of the allowed error: last step of Newton's method
+SHORTER = "take shorter time steps"
+
+
+@dataclass
+class Contraction:
+    """What directions of a session leave, from step to step.
+
+    Attributes
+    ----------
+    left : float
+        q; 1 where nothing is known.
+    age : int
+        Steps since it was found.
+    """
+
+    left: float = 1.0
+    age: int = 0
+
+    def learn(self, first: float, second: float) -> None:
+        """Learn from the lengths of two directions in a row."""
+        if first > 0:
+            self.left, self.age = second / first, 0
+
+    @property
+    def known(self) -> float:
+        """q, or 1 where it is too old or too large to rely on."""
+        return self.left if self.age < LOOKED and self.left <= LARGEST else 1.0
+
+
+@dataclass(frozen=True)
+class Settled:
+    """The end of a step.
+
+    Attributes
+    ----------
+    u : array, (n_points, d)
+        In m.
+    estimate : float
+        Estimated error in m of the point that is worst.
+    directions : int
+        Number of directions, and of Newton's steps, that it took.
+    """
+
+    u: Array
+    estimate: float
+    directions: int
+
+
+def start_of(body: DrivenBody, force: Array, starts: tuple[Array, ...]) -> State:
+    """The first of some displacements, (n_points, d) in m, that inverts no cell.
+
+    Raises
+    ------
+    WorkError
+        If all do.
+    """
+    for start in starts:
+        if (state := body.state(start, force)) is not None:
+            return state
+    raise WorkError(f"the motion inverts a cell of the body: {SHORTER}")
+
+
+def settled(
+    body: DrivenBody,
+    force: Array,
+    state: State,
+    tolerance: float,
+    contraction: Contraction,
+    tool: ToolForces | None = None,
+) -> Settled:
+    """Go to the end of a step.
+
+    Parameters
+    ----------
+    body : DrivenBody
+        In the step.
+    force : array, (n_points, d)
+        Dead forces in N.
+    state : State
+    tolerance : float
+        Error that is allowed, over the largest displacement.
+    contraction : Contraction
+    tool : ToolForces, optional
+        Its forces become those at the end.
+
+    Raises
+    ------
+    WorkError
+        If no end is found.
+    """
+    directions, before = Directions(body, force), 0.0
+    contraction.age += 1
+    for count in range(1, MOST + 1):
+        d = directions.direction(state, None if tool is None else state.r - tool.at_points)
+        if count > 1:
+            contraction.learn(before, longest(d))
+        if tool is not None and (change := tool.answer(state.u + d)) is not None:
+            d = d + directions.direction(state, -change)
+        length, end = longest(d), state.u + d
+        estimate, allowed = contraction.known * length, tolerance * longest(end)
+        fits = tool is None or tool.fits(end, allowed)
+        if fits and estimate <= allowed and not body.is_inverted(end):
+            return Settled(end, estimate, count)
+        if tool is None and body.is_balanced(state, force):
+            return Settled(state.u, length, count)
+        found = directions.step(state, d) if tool is None else _part(directions, state, d)
+        if found is None and not directions.forget():
+            break
+        state, before = found or state, length
+    if tool is not None:
+        raise WorkError(f"the forces of the tool are not found: {SHORTER}")
+    return newton(body, force, state, tolerance, count)
+
+
+def newton(
+    body: DrivenBody, force: Array, state: State, tolerance: float, before: int = 0
+) -> Settled:
+    """Go on by steps of Newton's method; WorkError if these do not end."""
+    directions = Directions(body, force)
+    for count in range(before + 1, before + 1 + MOST_STEPS):
+        (step,), _ = body.equilibrium.newton_step(state.u[None], state.r[None])
+        after = directions.step(state, step)
+        if after is None:
+            break
+        length, state = longest(after.u - state.u), after
+        if length <= NEWTON * tolerance * longest(state.u) or body.is_balanced(state, force):
+            return Settled(state.u, length, count)
+    raise WorkError(f"the end of a time step is not found: {SHORTER}")
+
+
+def _part(directions: Directions, state: State, d: Array) -> State | None:
+    """Go along a direction, or a part of it that inverts no cell; None if none is good."""
+    for halving in range(HALVINGS):
+        part = 0.5**halving * d
+        if (found := directions.body.state(state.u + part, directions.force)) is not None:
+            directions.remember(part, found.r - state.r)
+            return found
+    return None
