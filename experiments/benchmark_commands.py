@@ -29,6 +29,7 @@ PROGRAMS = {  # in whose environment a benchmark is measured
     "large-bodies": "datagen",
     "manufactured": "datagen",
     "measured-beam": "surrogate",
+    "motion": "surrogate",
     "new-shape": "surrogate",
     "normalisation": "surrogate",
     "page": "surrogate",

@@ -128,6 +128,15 @@ class CompiledSolid:
             found[row] = self.forces(self.first_piola(self.deformed(each)))
         return found
 
+    def viscous_forces(self, viscosity: Array, u: Array, v: Array) -> Array:
+        """Forces in N of stresses η sym(Fᵀ ∇v), with η of every cell in Pa s, (n_cells,).
+
+        Displacements are in m, velocities in m/s, (n_points, d) each.
+        """
+        found, given = np.zeros(u.shape), (np.ascontiguousarray(each) for each in (u, v))
+        loops.add_viscous_forces(self.cells, self.cells.of_cells(viscosity), *given, found)
+        return found
+
     def inverted(self, u: Array) -> NDArray[np.int64]:
         """Number of inverted cells, as `Solid.inverted`: (N, n_points, d) in m → (N,)."""
         found = np.zeros(len(u), np.int64)

@@ -21,8 +21,8 @@ modes of a slender body that are soft at rest remain soft, whereas R y of a bend
 a bent body.
 
 In a time step K(0) has the inertia A of the body beside it
-(`surrogate.mechanics.equilibrium.inertia`), which is that of turned parts, not of stretched ones. So
-does T, with the rotations R of the points and a diagonal A:
+(`surrogate.mechanics.equilibrium.inertia`), which turns with the body and is not stretched. So does
+T, with the rotations R of the points and a diagonal A:
 
 .. math::
     T y = \arg\min_z \sum_q w_q μ_q \, |∇z - \bar F_c ∇y|^2 + \sum_a A_a |z_a - R_a y_a|^2 .
@@ -154,8 +154,9 @@ class CarriedCompliance:
             return Turn(f, None)
         turned = np.zeros((*u.shape, u.shape[1]))
         add_to_points(self._equilibrium.geometry.cells, self._means.numbers, springs, f, turned)
-        inert = self._springs[:, None, None] * rotations(turned / self._springs[:, None, None])
-        return Turn(f, inert.astype(f.dtype))
+        turned /= self._springs[:, None, None]
+        to_rotations(turned)
+        return Turn(f, (self._springs[:, None, None] * turned).astype(f.dtype))
 
     def _mean_deformation(self, u: Array) -> Values:
         """F of every cell, its mean: (n_points, d) in m → (n_blocks, d, d, n)."""
@@ -187,7 +188,7 @@ class CarriedCompliance:
         """Σ_c k_c F_c y + A R y: (n_points, d) → same."""
         cells = self._equilibrium.geometry.cells
         found = self._summed(cells, self._means.numbers, self._metric, turn.f, y)
-        return found if turn.inert is None else found + (turn.inert @ y[:, :, None])[:, :, 0]
+        return found if turn.inert is None else found + np.einsum("aij,aj->ai", turn.inert, y)
 
     def _poisson(self, right: Values) -> Values:
         """L⁻¹ of every component: (n_points, d) or (n_points, d, m) → same, zero where held."""
@@ -292,11 +293,25 @@ def add_to_points(
                         out[cells[c, a], i, j] += weights[c, a] * values[block, i, j, q]
 
 
-def rotations(f: Array) -> Array:
-    """Rotations of F, (…, d, d) → same, by Newton's method for its polar decomposition."""
-    for _ in range(POLAR):
-        f = (f + np.linalg.inv(f).mT) / 2
-    return f
+@compiled
+def to_rotations(f: Array) -> None:
+    """Replace tensors (n, d, d) by their rotations: Newton's method for the polar decomposition."""
+    d = f.shape[1]
+    cofactor = np.empty((d, d))
+    for a in range(len(f)):
+        for _ in range(POLAR):
+            of, det = f[a], 0.0
+            for i in range(d):
+                for j in range(d):
+                    if d == 2:
+                        cofactor[i, j] = of[1 - i, 1 - j] * (1 if i == j else -1)
+                    else:
+                        k, n, m, r = (i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3
+                        cofactor[i, j] = of[k, m] * of[n, r] - of[k, r] * of[n, m]
+                    det += of[i, j] * cofactor[i, j] / d
+            for i in range(d):
+                for j in range(d):
+                    of[i, j] = (of[i, j] + cofactor[i, j] / det) / 2
 
 
 def exponential(w: Array) -> Array:

@@ -31,7 +31,6 @@ from torch import Tensor
 
 from shared_schema.common.bodies.reference_cells import CORNERS, LINEAR
 from shared_schema.motion import Begun, Scheme, mass_blocks
-from surrogate.mechanics.compiled.loops import add_viscous_forces
 from surrogate.mechanics.matrices.factors import sum_of_cells
 
 if TYPE_CHECKING:
@@ -90,12 +89,6 @@ class Masses:
         """Mass of every point in kg, (n_points,): sums of the rows."""
         return np.asarray(self.matrix.sum(axis=1))
 
-    @cached_property
-    def viscosity_in_rows(self) -> Array:
-        """2 μ b of all cells by blocks."""
-        assert self.viscosity is not None
-        return self.solid.compiled.cells.of_cells(self.viscosity)
-
     def tangents(self, u: Array | None = None) -> Tensor:
         """A and the viscous tangent of every cell in N/m, at u (n_points, d) in m or at rest."""
         solid, (count, corners, _) = self.solid, self.blocks.shape
@@ -126,12 +119,9 @@ class Masses:
 
     def viscous_forces(self, u: Array, v: Array) -> Array:
         """f_v in N of a displacement in m and a velocity in m/s, (n_points, d) each."""
-        found = np.zeros(u.shape)
-        if self.viscosity is not None:
-            given = np.ascontiguousarray(u), np.ascontiguousarray(v)
-            cells = self.solid.compiled.cells
-            add_viscous_forces(cells, self.viscosity_in_rows, *given, found)
-        return found
+        if self.viscosity is None:
+            return np.zeros(u.shape)
+        return self.solid.compiled.viscous_forces(self.viscosity, u, v)
 
 
 @dataclass(frozen=True)

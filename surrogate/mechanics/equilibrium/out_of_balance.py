@@ -236,7 +236,7 @@ class Equilibrium:
         return r
 
     def external(self, u: Array, f: Array) -> Array:
-        """Forces f, and those of following loads, inertia and springs on the deformed body, in N."""
+        """Forces f, and those of following loads, inertia and springs at a state, in N."""
         if self.following is not None:
             f = f + self._following_of(u).forces(u)
         if self.inertia is not None:

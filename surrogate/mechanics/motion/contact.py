@@ -14,13 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.common.errors import InputError, WorkError
-from shared_schema.tools import Tool
+from shared_schema.tools import Displaced, Tool
 from surrogate.mechanics.touch.loaded_body import LinearBody
 from surrogate.mechanics.touch.tool_contact import ToolContact
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 WRONG = 1e-4  # of the body's size: least depth or distance that matters
+FAR, PLACES = 1e3, 9  # of the body's size: where gaps tell the way of a tool; places on it
 
 
 @dataclass
@@ -74,12 +75,16 @@ class ToolForces:
 def require_no_jump(x: Array, before: Tool, after: Tool) -> None:
     """Raise InputError where a tool jumps through nodes of the surface, (n, d) in m.
 
-    Such a node is behind the tool that was in front of it, and nearer to both places than the tool
-    has gone.
+    Such a node is behind the tool in front of which it was, and inside it on a straight way between
+    the two places.
     """
-    gaps = np.stack([before.gap(x), after.gap(x)])
-    way = float(np.abs(gaps[1] - gaps[0]).max(initial=0.0))
-    turned = (before.normal(x) * after.normal(x)).sum(axis=1) < 0
-    near = np.maximum(gaps, 0.0).sum(axis=0) < way
-    if (turned & near & (gaps[0] > 0)).any():
-        raise InputError("tool: it jumps through the body, expected shorter steps of it", "tool")
+    size = float(np.ptp(x, axis=0).max())
+    far = x.mean(axis=0) + FAR * size * np.eye(x.shape[1])
+    way = before.gap(far) - after.gap(far)
+    turned = x[(before.normal(x) * after.normal(x)).sum(axis=1) < 0]
+    for share in np.linspace(0, 1, PLACES):
+        between = Displaced(before, tuple(float(each) for each in share * way))
+        if len(turned) and between.gap(turned).min() < -WRONG * size:
+            raise InputError(
+                "tool: it jumps through the body, expected shorter steps of it", "tool"
+            )

@@ -32,6 +32,7 @@ MOST, MOST_STEPS, HALVINGS = 30, 20, 6  # directions, Newton's steps after them,
 LOOKED = 8  # steps after which the contraction is looked at
 LARGEST = 0.5  # contraction of which anything is concluded
 NEWTON = 0.1  # of the allowed error: last step of Newton's method
+NEAR = 0.02  # of the size of a cell: direction that inverts none
 SHORTER = "take shorter time steps"
 
 
@@ -133,7 +134,8 @@ def settled(
         length, end = longest(d), state.u + d
         estimate, allowed = contraction.known * length, tolerance * longest(end)
         fits = tool is None or tool.fits(end, allowed)
-        if fits and estimate <= allowed and not body.is_inverted(end):
+        near = length <= NEAR * body.equilibrium.cell_size
+        if fits and estimate <= allowed and (near or not body.is_inverted(end)):
             return Settled(end, estimate, count)
         if tool is None and body.is_balanced(state, force):
             return Settled(state.u, length, count)

@@ -163,8 +163,9 @@ class Session:
         if load is not None:
             given = self._load(load)
             start = given.at_rest(self.body.geometry)
-            found = self.body.correct(given, body.linear_response(
-                body.forces_at_points(start[None]))[0, : body.nodes])
+            found = self.body.correct(
+                given, body.linear_response(body.forces_at_points(start[None]))[0, : body.nodes]
+            )
             f = body.forces_at_points(given.dead[None])
             at = body if given.following is None else body.under(given.following)
             u = at.at_points(found.displacement[None], f)[0]
@@ -276,6 +277,8 @@ class Session:
         key = (load, tuple(actuation.items()) if isinstance(actuation, Mapping) else actuation)
         if texts and self._read is not None and self._read[0] == key:
             return self._read[1]
+        if actuation and self.body.geometry.actuators is None:
+            raise InputError("actuation: the case has no actuators", "actuation")
         found = Load.of(self.body.geometry, load, actuate=actuation)
         self._read = (key, found) if texts else None
         return found
@@ -296,8 +299,9 @@ class Session:
         """The body in steps of a length, with places held."""
         key = seconds, np.packbits(held).tobytes()
         if key not in self._moving:
-            body, scheme = self._equilibrium, Scheme.generalised_alpha(
-                seconds, self._dissipation, self._damping.mass
+            body, scheme = (
+                self._equilibrium,
+                Scheme.generalised_alpha(seconds, self._dissipation, self._damping.mass),
             )
             if held.any():
                 single = body.geometry.held | held
@@ -323,8 +327,15 @@ class Session:
             dead = self._equilibrium.forces_at_points(self._acting.dead[None])[0]
             at = self._acting.following
         first = Moment(
-            body, moving.masses, self._u, self._v, zero, dead, zero,
-            at if at is None else replace(at, coordinates=body.geometry.coordinates), zero,
+            body,
+            moving.masses,
+            self._u,
+            self._v,
+            zero,
+            dead,
+            zero,
+            at if at is None else replace(at, coordinates=body.geometry.coordinates),
+            zero,
         )
         internal = body.solid.compiled.internal_forces(self._u[None])[0]
         left = (internal + first.damping - first.external) * body.free

@@ -99,7 +99,7 @@ class Script(Frozen):
                 now = phase.on_the_way(before, number / count) if phase.moving else phase
                 yield session.step(
                     self.step,
-                    command_loads(session.body.geometry.loaded_body, now.load),
+                    command_loads(session.body.geometry.loaded_body, now.load, needed=False),
                     tool=None if now.tool is None else parse_tool(now.tool, d),
                     held=now.held or None,
                     actuation=now.actuate,

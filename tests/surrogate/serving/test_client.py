@@ -84,6 +84,20 @@ def test_a_client_controls_a_body() -> None:
         assert said in ask(session, do="control", **wrong)["error"]
 
 
+def test_steps_are_those_of_python(beam: surrogate.Surrogate) -> None:
+    client, session = Client(beam), surrogate.Session(beam, density=1.0)
+    for y in (1.3, 1.28):
+        first = {"density": 1.0} if y == 1.3 else {}
+        given = {"seconds": 0.02, "tool": f"sphere:3,{y}:0.3", "load": ["4,1:0,-0.1"]}
+        moved = ask(client, do="step", **given, **first)
+        frame = session.step(0.02, "4,1:0,-0.1", tool=Sphere((3, y), 0.3))
+        np.testing.assert_allclose(moved["displacement"], frame.displacement)
+        np.testing.assert_allclose(moved["velocity"], frame.velocity)
+        np.testing.assert_allclose(moved["reaction"], frame.reaction)
+    assert "density" in ask(client, do="step", seconds=0.02, density=2.0)["error"]
+    assert not np.any(ask(client, do="let_go")["displacement"])
+
+
 @pytest.mark.parametrize(
     ("request_", "said"),
     [
