@@ -314,7 +314,7 @@ class Equilibrium:
         for row in range(len(u)):
             one = slice(row, row + 1)
             cells = self.solid.compiled.cell_tangents(u[one], relaxed=True)
-            factor = self.layout.factor(self.layout.assembled(cells)[0])
+            factor = self.layout.factor(self.layout.assembled(cells)[0] + self.of_masses)
             if factor is not None:
                 trial = u[one] - self.solved_by(factor, r[one])
                 found[one] = trial if self.inverted(trial)[0] == 0 else u[one]

@@ -39,8 +39,10 @@ class MovingBody:
     def driven(self) -> DrivenBody:
         """The body as directions see it, in a step from rest."""
         zero = np.zeros(self.equilibrium.free.shape)
-        step = Inertia.of(self.masses, zero, zero, zero, zero)
-        return DrivenBody.of(self.equilibrium.moving(step), soft=False)
+        body = self.equilibrium.moving(Inertia.of(self.masses, zero, zero, zero, zero))
+        for once in ("undeformed", "round_off"):  # copies of all steps have them
+            getattr(body, once)
+        return DrivenBody.of(body, soft=False)
 
     def in_step(self, step: Inertia, following: FollowingLoads | None) -> DrivenBody:
         """The body in one step, under loads that follow it."""
