@@ -9,6 +9,7 @@
 `driven_body`         the body: out-of-balance forces of single states
 `soft_modes`          modes in which the body buckles, and their stiffness at a state
 `carried_compliance`  the approximate inverse of the tangent that directions are made with
+`turned_compliance`   the same of a body in a time step
 ====================  ========================================================================
 """
 

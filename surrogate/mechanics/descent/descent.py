@@ -127,11 +127,11 @@ def descend(
     small = aim.tolerance is not None and last_term < LAST * allowed
     if small and state is not None and trust.needs_no_direction(state):
         return start[:nodes], Descent(0, last_term, allowed, reached=True)
-    state = state or directions.from_linear_response()
+    state = state or body.from_linear_response(f)
     d, size, first = directions.direction(state), longest(state.u[:nodes]), 1
     far = max(FAR * size, MARGIN * aim.allowed(size))
     if longest(d[:nodes]) > far and aim.has_time(clock() - begun):
-        other = directions.from_linear_response()
+        other = body.from_linear_response(f)
         d_other, first = directions.direction(other), 2
         if longest(d_other[:nodes]) < longest(d[:nodes]):
             state, d = other, d_other

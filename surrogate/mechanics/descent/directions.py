@@ -24,7 +24,7 @@ from numpy.linalg import norm
 from numpy.typing import NDArray
 from torch import Tensor
 
-from surrogate.mechanics.descent.driven_body import DrivenBody, State
+from surrogate.mechanics.descent.driven_body import BodyOfStates, State
 
 Array = NDArray[np.float64]
 Field = TypeVar("Field", Array, Tensor)
@@ -43,22 +43,14 @@ class Directions:
 
     Parameters
     ----------
-    body : DrivenBody
+    body : BodyOfStates
     force : array, (n_points, d)
         Dead forces in N.
     """
 
-    def __init__(self, body: DrivenBody, force: Array) -> None:
+    def __init__(self, body: BodyOfStates, force: Array) -> None:
         self.body, self.force = body, force
         self._pairs: deque[tuple[Array, Array, float]] = deque(maxlen=PAIRS)
-
-    def from_linear_response(self) -> State:
-        """The warped linear response, or the largest part of it that inverts no cell."""
-        equilibrium, warped = self.body.equilibrium, self.body.compliance.warped
-        linear = equilibrium.linear_response(equilibrium.at_rest(self.force[None]))[0]
-        while (found := self.body.state(warped(linear), self.force)) is None:
-            linear = linear / 2
-        return found
 
     def direction(self, state: State, r: Array | None = None) -> Array:
         """The direction d = −H r, (n_points, d) in m, along which r does negative work.

@@ -6,7 +6,9 @@ What does not depend on the load is made once. Forces and stresses are those of 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,41 +46,33 @@ class State:
     piola: Array
 
 
+class Inverse(Protocol):
+    """What directions are made with."""
+
+    def at(self, u: Array) -> Callable[[Array], Array]:
+        """P of a state (n_points, d) in m: forces in N to displacements in m, (n_points, d)."""
+
+
 @dataclass(frozen=True)
-class DrivenBody:
-    """A body whose predictions are driven towards the equilibrium.
+class BodyOfStates:
+    """A body, state by state.
 
     Attributes
     ----------
     equilibrium : Equilibrium
         Also under the pressures of a load.
-    compliance : CarriedCompliance
-    modes : array, (n_modes, n_points, d)
-        The softest ones, of unit φ · K(0) φ.
-    softening : Softening
+    compliance : Inverse
     """
 
     equilibrium: Equilibrium
-    compliance: CarriedCompliance
-    modes: Array
-    softening: Softening
-
-    @classmethod
-    def of(cls, equilibrium: Equilibrium, soft: bool = True) -> DrivenBody:
-        """Make what does not depend on the load, without `soft` modes where none are looked at."""
-        compliance = CarriedCompliance(equilibrium)
-        modes = np.empty((0, *equilibrium.free.shape))
-        if soft:
-            modes = soft_modes(equilibrium, compliance.linear_response)
-        softening = Softening(equilibrium.solid.compiled, modes)
-        return cls(equilibrium, compliance, modes, softening)
+    compliance: Inverse
 
     @property
     def solid(self) -> CompiledSolid:
         """Its elements."""
         return self.equilibrium.solid.compiled
 
-    def under(self, following: FollowingLoads | None) -> DrivenBody:
+    def under(self, following: FollowingLoads | None) -> Self:
         """Return the same body, under the pressures of one load case as well."""
         if following is None:
             return self
@@ -101,18 +95,6 @@ class DrivenBody:
         """Whether the forces of loads do not follow it, nor points between its nodes."""
         return self.equilibrium.points is None and self.equilibrium.following is None
 
-    def softest(self, state: State, force: Array) -> float:
-        """θ of a state under dead forces in N, (n_points, d): by products where stresses soften."""
-        if (softened := self.softened(state)) >= SOFT:
-            return softened
-        stiffness = np.zeros((len(self.modes),) * 2)
-        carried = self.compliance.turned(state.u, self.modes)
-        for row, s in zip(stiffness, carried, strict=True):
-            if (tangent := self.product(state, force, s)) is None:
-                return -np.inf
-            row[:] = [np.vdot(each, tangent) for each in carried]
-        return least_eigenvalue((stiffness + stiffness.T) / 2)
-
     def product(self, state: State, force: Array, x: Array) -> Array | None:
         """K(u) x in N of a change x in m by a difference of r; None where that inverts a cell.
 
@@ -121,10 +103,6 @@ class DrivenBody:
         part = SMALL * self.equilibrium.cell_size / longest(x)
         beside = self.state(state.u + part * x, force)
         return None if beside is None else (beside.r - state.r) / part
-
-    def softened(self, state: State) -> float:
-        """θ of a state by its stresses alone; −∞ where a cell is inverted in the mean."""
-        return self.softening.least(state.f, state.piola)
 
     def is_balanced(self, state: State, force: Array) -> bool:
         """Whether a state is in equilibrium, up to rounding."""
@@ -147,6 +125,55 @@ class DrivenBody:
             if not self.solid.deformed(interpolated).inside:
                 return True
         return not self.solid.deformed(u).inside
+
+
+@dataclass(frozen=True)
+class DrivenBody(BodyOfStates):
+    """A body whose predictions are driven towards the equilibrium.
+
+    Attributes
+    ----------
+    compliance : CarriedCompliance
+    modes : array, (n_modes, n_points, d)
+        The softest ones, of unit φ · K(0) φ.
+    softening : Softening
+    """
+
+    compliance: CarriedCompliance
+    modes: Array
+    softening: Softening
+
+    @classmethod
+    def of(cls, equilibrium: Equilibrium) -> DrivenBody:
+        """Make what does not depend on the load."""
+        compliance = CarriedCompliance(equilibrium)
+        modes = soft_modes(equilibrium, compliance.linear_response)
+        softening = Softening(equilibrium.solid.compiled, modes)
+        return cls(equilibrium, compliance, modes, softening)
+
+    def from_linear_response(self, force: Array) -> State:
+        """The warped linear response, or the largest part of it that inverts no cell."""
+        equilibrium, warped = self.equilibrium, self.compliance.warped
+        linear = equilibrium.linear_response(equilibrium.at_rest(force[None]))[0]
+        while (found := self.state(warped(linear), force)) is None:
+            linear = linear / 2
+        return found
+
+    def softest(self, state: State, force: Array) -> float:
+        """θ of a state under dead forces in N, (n_points, d): by products where stresses soften."""
+        if (softened := self.softened(state)) >= SOFT:
+            return softened
+        stiffness = np.zeros((len(self.modes),) * 2)
+        carried = self.compliance.turned(state.u, self.modes)
+        for row, s in zip(stiffness, carried, strict=True):
+            if (tangent := self.product(state, force, s)) is None:
+                return -np.inf
+            row[:] = [np.vdot(each, tangent) for each in carried]
+        return least_eigenvalue((stiffness + stiffness.T) / 2)
+
+    def softened(self, state: State) -> float:
+        """θ of a state by its stresses alone; −∞ where a cell is inverted in the mean."""
+        return self.softening.least(state.f, state.piola)
 
 
 def longest(field: Array) -> float:

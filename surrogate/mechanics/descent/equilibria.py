@@ -108,10 +108,10 @@ def sought(
     nodes, ((f,), (start,)) = equilibrium.nodes, equilibrium.posed(force[None], predicted[None])
     load = float(np.linalg.norm(equilibrium.at_rest(f[None]) * equilibrium.free))
     directions = Directions(body, f)
-    state = body.state(start, f) or directions.from_linear_response()
+    state = body.state(start, f) or body.from_linear_response(f)
     d = yield from directions.asking(state, state.r)
     if longest(d[:nodes]) > FAR * longest(state.u[:nodes]):
-        other = directions.from_linear_response()
+        other = body.from_linear_response(f)
         d_other = yield from directions.asking(other, other.r)
         if longest(d_other[:nodes]) < longest(d[:nodes]):
             state, d = other, d_other

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, cg
 
 from shared_schema.common.errors import WorkError
-from surrogate.mechanics.descent.driven_body import DrivenBody
+from surrogate.mechanics.descent.driven_body import BodyOfStates
+from surrogate.mechanics.descent.turned_compliance import TurnedCompliance
 from surrogate.mechanics.equilibrium.following_loads import FollowingLoads
 from surrogate.mechanics.equilibrium.inertia import Inertia, Masses
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
@@ -36,15 +37,15 @@ class MovingBody:
     masses: Masses
 
     @cached_property
-    def driven(self) -> DrivenBody:
+    def driven(self) -> BodyOfStates:
         """The body as directions see it, in a step from rest."""
         zero = np.zeros(self.equilibrium.free.shape)
         body = self.equilibrium.moving(Inertia.of(self.masses, zero, zero, zero, zero))
         for once in ("undeformed", "round_off"):  # copies of all steps have them
             getattr(body, once)
-        return DrivenBody.of(body, soft=False)
+        return BodyOfStates(body, TurnedCompliance(body))
 
-    def in_step(self, step: Inertia, following: FollowingLoads | None) -> DrivenBody:
+    def in_step(self, step: Inertia, following: FollowingLoads | None) -> BodyOfStates:
         """The body in one step, under loads that follow it."""
         body = replace(self.driven, equilibrium=self.driven.equilibrium.moving(step))
         return body.under(following)

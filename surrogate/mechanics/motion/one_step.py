@@ -2,7 +2,7 @@ r"""One step: directions from where the body coasts, until the rest is short.
 
 A step is an equilibrium with springs to where the body coasts
 (`surrogate.mechanics.equilibrium.inertia`), which hold it all the faster, the shorter the step is.
-From the state that goes on as before, :math:`u + h v + \tfrac12 h^2 a`, directions
+From the state that goes on as before, u + h v, directions
 (`surrogate.mechanics.descent.directions`) lead there. What is left after a direction d is about
 
 .. math:: e = q \, |d|, \qquad q = |d_2| / |d_1|,
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from shared_schema.common.errors import WorkError
 from surrogate.mechanics.descent.directions import Directions
-from surrogate.mechanics.descent.driven_body import DrivenBody, State, longest
+from surrogate.mechanics.descent.driven_body import BodyOfStates, State, longest
 from surrogate.mechanics.motion.contact import ToolForces
 
 Array = NDArray[np.float64]
@@ -81,7 +81,7 @@ class Settled:
     directions: int
 
 
-def start_of(body: DrivenBody, force: Array, starts: tuple[Array, ...]) -> State:
+def start_of(body: BodyOfStates, force: Array, starts: tuple[Array, ...]) -> State:
     """The first of some displacements, (n_points, d) in m, that inverts no cell.
 
     Raises
@@ -96,7 +96,7 @@ def start_of(body: DrivenBody, force: Array, starts: tuple[Array, ...]) -> State
 
 
 def settled(
-    body: DrivenBody,
+    body: BodyOfStates,
     force: Array,
     state: State,
     tolerance: float,
@@ -107,7 +107,7 @@ def settled(
 
     Parameters
     ----------
-    body : DrivenBody
+    body : BodyOfStates
         In the step.
     force : array, (n_points, d)
         Dead forces in N.
@@ -149,7 +149,7 @@ def settled(
 
 
 def newton(
-    body: DrivenBody, force: Array, state: State, tolerance: float, before: int = 0
+    body: BodyOfStates, force: Array, state: State, tolerance: float, before: int = 0
 ) -> Settled:
     """Go on by steps of Newton's method; WorkError if these do not end."""
     directions = Directions(body, force)

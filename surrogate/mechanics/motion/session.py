@@ -225,7 +225,7 @@ class Session:
         step = Inertia.of(moving.masses, last.u, last.v, last.a, last.left)
         driven = moving.in_step(step, following)
         following = driven.equilibrium.following
-        on = [last.u + seconds * last.v + seconds**2 / 2 * last.a, step.begun.u, last.u]
+        on = last.u + seconds * last.v, last.u
         starts = tuple(np.where(body.free, u, places.displacement) for u in on)
         contact = self._contact(tool, starts[0], linear)
         end = settled(
