@@ -68,6 +68,11 @@ class Moment:
         """Energy of the material in J."""
         return float(self.equilibrium.solid.energy(torch.from_numpy(self.u[None]))[0])
 
+    def left_of_free(self, body: Equilibrium) -> Array:
+        """R in N of a body whose grips have just let go of places."""
+        internal = self.equilibrium.solid.compiled.internal_forces(self.u[None])[0]
+        return (internal + self.damping - self.external) * body.free
+
     @cached_property
     def supported(self) -> Array:
         """Forces of supports and grips on the body in N, zero where it is free."""

@@ -222,6 +222,9 @@ class Session:
         if following is not None and not following.amplitudes.any():
             following = None
         last = self._last(moving, dead, following)
+        if (body.free & ~last.equilibrium.free).any():
+            left = last.left_of_free(body)
+            last = replace(last, a=moving.acceleration(-left), left=left)
         step = Inertia.of(moving.masses, last.u, last.v, last.a, last.left)
         driven = moving.in_step(step, following)
         following = driven.equilibrium.following
