@@ -40,7 +40,7 @@ class TurnedCompliance:
         of_cells = np.einsum("cq,cqbj->jcb", volumes, gradients)  # means times volumes
         rows = np.broadcast_to(of_cells[:, :, None], (*of_cells.shape, cells.shape[1]))
         around = np.bincount(cells.ravel(), volumes.sum(axis=1).repeat(cells.shape[1]), points)
-        self._slopes = [sum_of_cells(each, cells, points) / around[:, None] for each in rows.mT]
+        self._slopes = [sum_of_cells(each, cells, points) / around[:, None] for each in rows]
 
     def rotations(self, u: Array) -> Array:
         """R of a state: (n_points, d) in m → (n_points, d, d)."""
