@@ -5,11 +5,11 @@ A step is an equilibrium with springs to where the body coasts
 From the state that goes on as before, u + h v, directions
 (`surrogate.mechanics.descent.directions`) lead there. What is left after a direction d is about
 
-.. math:: e = q \, |d|, \qquad q = |d_2| / |d_1|,
+.. math:: e = q \, |d|, \qquad q = \max_{i = n-1, n} |d_i| / |d_{i-1}|,
 
-with the contraction q of the last step that has taken two directions. They end where e is within
-the tolerance. After `LOOKED` steps a second one is taken for q. Where `MOST` directions do not
-suffice, steps of Newton's method do.
+by the last two of n directions. A first one has the q of the last step that has taken several, but
+`LEAST` at least. They end where e is within `MARGIN` of the tolerance. After `LOOKED` steps a second
+one is taken for q. Where `MOST` directions do not suffice, steps of Newton's method do.
 
 With a tool, forces that keep its surface free are sought after each direction
 (`surrogate.mechanics.motion.contact`), and what they move is added to it.
@@ -30,7 +30,8 @@ from surrogate.mechanics.motion.contact import ToolForces
 Array = NDArray[np.float64]
 MOST, MOST_STEPS, HALVINGS = 30, 20, 6  # directions, Newton's steps after them, parts of a step
 LOOKED = 8  # steps after which the contraction is looked at
-LARGEST = 0.5  # contraction of which anything is concluded
+LEAST, LARGEST = 0.05, 0.5  # contractions of which anything is concluded
+MARGIN = 0.4  # of the tolerance: largest estimate that counts as small
 NEWTON = 0.1  # of the allowed error: last step of Newton's method
 NEAR = 0.02  # of the size of a cell: direction that inverts none
 SHORTER = "take shorter time steps"
@@ -51,15 +52,12 @@ class Contraction:
     left: float = 1.0
     age: int = 0
 
-    def learn(self, first: float, second: float) -> None:
-        """Learn from the lengths of two directions in a row."""
-        if first > 0:
-            self.left, self.age = second / first, 0
-
-    @property
-    def known(self) -> float:
-        """q, or 1 where it is too old or too large to rely on."""
-        return self.left if self.age < LOOKED and self.left <= LARGEST else 1.0
+    def expected(self, ratios: list[float]) -> float:
+        """q of a step, by the ratios of its directions so far; 1 where nothing is concluded."""
+        if ratios:
+            self.left, self.age = max(ratios[-2:]), 0
+        reliable = self.age < LOOKED and self.left <= LARGEST
+        return max(self.left, LEAST) if reliable else 1.0
 
 
 @dataclass(frozen=True)
@@ -123,19 +121,19 @@ def settled(
     WorkError
         If no end is found.
     """
-    directions, before = Directions(body, force), 0.0
+    directions, before, ratios = Directions(body, force), 0.0, list[float]()
     contraction.age += 1
     for count in range(1, MOST + 1):
         d = directions.direction(state, None if tool is None else state.r - tool.at_points)
-        if count > 1:
-            contraction.learn(before, longest(d))
+        if before > 0:
+            ratios.append(longest(d) / before)
         if tool is not None and (change := tool.answer(state.u + d)) is not None:
             d = d + directions.direction(state, -change)
         length, end = longest(d), state.u + d
-        estimate, allowed = contraction.known * length, tolerance * longest(end)
+        estimate, allowed = contraction.expected(ratios) * length, tolerance * longest(end)
         fits = tool is None or tool.fits(end, allowed)
         near = length <= NEAR * body.equilibrium.cell_size
-        if fits and estimate <= allowed and (near or not body.is_inverted(end)):
+        if fits and estimate <= MARGIN * allowed and (near or not body.is_inverted(end)):
             return Settled(end, estimate, count)
         if tool is None and body.is_balanced(state, force):
             return Settled(state.u, length, count)

@@ -247,7 +247,7 @@ class Session:
         pushed = np.zeros_like(u) if contact is None else contact.at_points
         given_fields = u, scheme.velocity(begun, u), a, dead, pushed, following, left * body.free
         now = Moment(body, masses, *given_fields)
-        self._account(last, now, seconds)
+        self._account(last, now)
         certificate = None
         if certify:
             certificate = certified_at_points(driven.equilibrium, dead + pushed, u)
@@ -356,12 +356,11 @@ class Session:
             require_no_jump(at_rest + u[self._surface], self._tool, tool)
         return ToolForces(ToolContact(tool, at_rest), linear, u.shape, self._forces)
 
-    def _account(self, last: Moment, now: Moment, seconds: float) -> None:
+    def _account(self, last: Moment, now: Moment) -> None:
         """Add up work and dissipation of a step."""
         moved = now.u - last.u
         forces = last.external + now.external
         if np.any(moved[~now.equilibrium.free]):
             forces = forces + last.supported + now.supported
         self._work += float(np.vdot(forces, moved)) / 2
-        lost = [float(np.vdot(each.damping, each.v)) for each in (last, now)]
-        self._dissipated += seconds * sum(lost) / 2
+        self._dissipated += float(np.vdot(last.damping + now.damping, moved)) / 2
