@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,7 +44,11 @@ def write_film(path: Path, geometry: Geometry, times: Array, displacement: Array
     figure, d = Figure(figsize=(6, 4)), geometry.dimension
     low, high = shown.min(axis=(0, 1)), shown.max(axis=(0, 1))
     facets = geometry.cells if d == 2 else geometry.surface_facets
-    paint = {"facecolors": "lightsteelblue", "edgecolors": "black", "linewidths": 0.3}
+    paint: dict[str, Any] = {
+        "facecolors": "lightsteelblue",
+        "edgecolors": "black",
+        "linewidths": 0.3,
+    }
     if d == 2:
         axes = figure.add_subplot()
         body = PolyCollection(shown[0][facets], **paint)

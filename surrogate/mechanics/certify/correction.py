@@ -218,7 +218,7 @@ def iterated(
     """
     if not isinstance(tolerance, ForceTolerance):
         tolerance = ForceTolerance(absolute=tolerance)
-    r, dead = equilibrium.out_of_balance(u, f), equilibrium.following is None
+    r, dead = equilibrium.out_of_balance(u, f), equilibrium.has_potential
     load = float(np.linalg.norm(equilibrium.at_rest(f) * equilibrium.free))
     if equilibrium.springs is not None:  # whose forces are not known before
         pushed = equilibrium.springs.forces(u[0])

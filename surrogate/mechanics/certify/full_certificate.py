@@ -166,7 +166,7 @@ def certified_at_points(equilibrium: Equilibrium, force: Array, u: Array) -> Cer
     """The same of one state of all points under forces on these: (n_points, d) in N and m."""
     f, at_points = force[None], u[None]
     found = _at_points(equilibrium, f, at_points, at_points[:, : equilibrium.nodes])
-    return Certificate(*(array[0] for array in found), units=equilibrium.units)
+    return replace(Certificate(*(array[0] for array in found)), units=equilibrium.units)
 
 
 def _at_points(equilibrium: Equilibrium, f: Array, held: Array, u: Array) -> tuple[Any, ...]:

@@ -133,8 +133,9 @@ class CompiledSolid:
 
         Displacements are in m, velocities in m/s, (n_points, d) each.
         """
-        found, given = np.zeros(u.shape), (np.ascontiguousarray(each) for each in (u, v))
-        loops.add_viscous_forces(self.cells, self.cells.of_cells(viscosity), *given, found)
+        found, eta = np.zeros(u.shape), self.cells.of_cells(viscosity)
+        both = np.ascontiguousarray(u), np.ascontiguousarray(v)
+        loops.add_viscous_forces(self.cells, eta, both[0], both[1], found)
         return found
 
     def inverted(self, u: Array) -> NDArray[np.int64]:

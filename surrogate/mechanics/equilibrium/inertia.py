@@ -32,6 +32,7 @@ from torch import Tensor
 from shared_schema.common.bodies.reference_cells import CORNERS, LINEAR
 from shared_schema.motion import Begun, Scheme, mass_blocks
 from surrogate.mechanics.matrices.factors import sum_of_cells
+from surrogate.mechanics.solids.mixed_elements import TaylorHoodSolid
 
 if TYPE_CHECKING:
     from surrogate.mechanics.body.geometry import Geometry
@@ -92,12 +93,14 @@ class Masses:
     def tangents(self, u: Array | None = None) -> Tensor:
         """A and the viscous tangent of every cell in N/m, at u (n_points, d) in m or at rest."""
         solid, (count, corners, _) = self.solid, self.blocks.shape
-        d, rest = solid.gradients.shape[3], 2 * solid.corners.shape[1]
+        d, beside = solid.gradients.shape[3], 0
+        if isinstance(solid, TaylorHoodSolid):
+            beside = 2 * solid.corners.shape[1]
         springs = np.einsum("cab,ij->caibj", self.scheme.spring * self.blocks, np.eye(d))
         found = torch.from_numpy(springs.reshape(1, count, corners * d, corners * d))
         if self.viscosity is not None:
             found = found + self._viscous(u)
-        return torch.nn.functional.pad(found, (0, rest, 0, rest))
+        return torch.nn.functional.pad(found, (0, beside, 0, beside))
 
     def _viscous(self, u: Array | None) -> Tensor:
         """S ∂f_v/∂v of every cell, with the slope S of the velocity."""

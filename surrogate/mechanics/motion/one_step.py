@@ -2,8 +2,8 @@ r"""One step: directions from where the body coasts, until the rest is short.
 
 A step is an equilibrium with springs to where the body coasts
 (`surrogate.mechanics.equilibrium.inertia`), which hold it all the faster, the shorter the step is.
-From the state that goes on as before, u + h v, directions
-(`surrogate.mechanics.descent.directions`) lead there. What is left after a direction d is about
+From u + h v, directions (`surrogate.mechanics.descent.directions`) lead there. What is left after a
+direction d is about
 
 .. math:: e = q \, |d|, \qquad q = \max_{i = n-1, n} |d_i| / |d_{i-1}|,
 
@@ -53,7 +53,7 @@ class Contraction:
     age: int = 0
 
     def expected(self, ratios: list[float]) -> float:
-        """q of a step, by the ratios of its directions so far; 1 where nothing is concluded."""
+        """Q of a step, by the ratios of its directions so far; 1 where nothing is concluded."""
         if ratios:
             self.left, self.age = max(ratios[-2:]), 0
         reliable = self.age < LOOKED and self.left <= LARGEST

@@ -23,6 +23,7 @@ from shared_schema.motion import Damping, Scheme, densities_of_cells
 from shared_schema.tools import Tool, require_outside
 from surrogate.mechanics.certify.full_certificate import certified_at_points
 from surrogate.mechanics.descent.aim import require_positive
+from surrogate.mechanics.equilibrium.following_loads import FollowingLoads
 from surrogate.mechanics.equilibrium.inertia import Inertia, Masses
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from surrogate.mechanics.motion.contact import ToolForces, require_no_jump
@@ -161,13 +162,13 @@ class Session:
             fields.append(body.interpolated(np.where(body.free[: body.nodes], field, 0.0)[None])[0])
         u, v = fields
         if load is not None:
-            given = self._load(load)
-            start = given.at_rest(self.body.geometry)
+            under = self._load(load)
+            start = under.at_rest(self.body.geometry)
             found = self.body.correct(
-                given, body.linear_response(body.forces_at_points(start[None]))[0, : body.nodes]
+                under, body.linear_response(body.forces_at_points(start[None]))[0, : body.nodes]
             )
-            f = body.forces_at_points(given.dead[None])
-            at = body if given.following is None else body.under(given.following)
+            f = body.forces_at_points(under.dead[None])
+            at = body if under.following is None else body.under(under.following)
             u = at.at_points(found.displacement[None], f)[0]
         self.time, self._work, self._dissipated = 0.0, 0.0, 0.0
         self._acting = None if acting is None else self._load(acting)
@@ -321,7 +322,7 @@ class Session:
             self._moving[key] = moving, linear
         return self._moving[key]
 
-    def _last(self, moving: MovingBody, dead: Array, following: object) -> Moment:
+    def _last(self, moving: MovingBody, dead: Array, following: FollowingLoads | None) -> Moment:
         """What a step begins at; at t = 0 with the acceleration of the load there."""
         if self._now is not None:
             return self._now

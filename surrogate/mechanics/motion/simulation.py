@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -134,8 +135,10 @@ def _between(before: Sequence[str], after: Sequence[str], share: float) -> tuple
             raise InputError(
                 f"moving: '{text}': expected the same with other numbers in the phase before"
             )
-        values = iter((1 - share) * a + share * b for a, b in zip(*ends, strict=True))
-        found.append(NUMBER.sub(lambda _, of=values: repr(next(of)), text))
+        words = [*NUMBER.split(text)]
+        for place, (a, b) in enumerate(zip(*ends, strict=True)):
+            words[place] += repr((1 - share) * a + share * b)
+        found.append("".join(words))
     return tuple(found)
 
 
@@ -176,18 +179,18 @@ class Recording:
     def save(self, path: Path) -> None:
         """Write .npz, or .pvd with a .vtu of every frame, for ParaView."""
         if path.suffix == ".npz":
-            fields = {name: value for name, value in vars(self).items() if name != "geometry"}
+            fields: dict[str, Any] = {k: v for k, v in vars(self).items() if k != "geometry"}
             mesh = {"coordinates": self.geometry.coordinates, "cells": self.geometry.cells}
             with complete_or_absent(path) as partial, partial.open("wb") as file:
                 np.savez(file, **mesh, **fields)
             return
         body, lines = self.geometry, []
         for number, time in enumerate(self.times):
-            file = path.with_name(f"{path.stem}-{number:05d}.vtu")
-            fields = {"displacement": self.displacement, "velocity": self.velocity}
-            of_frame = {name: values[number] for name, values in fields.items()}
-            write_solution(file, body.coordinates, body.cells, body.cell_type, of_frame)
-            lines.append(f'<DataSet timestep="{time!r}" file="{file.name}"/>')
+            of_time = path.with_name(f"{path.stem}-{number:05d}.vtu")
+            both = {"displacement": self.displacement, "velocity": self.velocity}
+            of_frame = {name: values[number] for name, values in both.items()}
+            write_solution(of_time, body.coordinates, body.cells, body.cell_type, of_frame)
+            lines.append(f'<DataSet timestep="{time!r}" file="{of_time.name}"/>')
         text = "".join(lines)
         with complete_or_absent(path) as partial:
             partial.write_text(
