@@ -2,13 +2,13 @@ r"""One step: directions from where the body coasts, until the rest is short.
 
 A step is an equilibrium with springs to where the body coasts
 (`surrogate.mechanics.equilibrium.inertia`), which hold it all the faster, the shorter the step is.
-From u + h v, directions (`surrogate.mechanics.descent.directions`) lead there. What is left after a
-direction d is about
+From u + h v, directions (`surrogate.mechanics.descent.directions`) lead there. What a direction d
+leaves is about
 
 .. math:: e = q \, |d|, \qquad q = \max_{i = n-1, n} |d_i| / |d_{i-1}|,
 
-by the last two of n directions. A first one has the q of the last step that has taken several, but
-`LEAST` at least. They end where e is within `MARGIN` of the tolerance. After `LOOKED` steps a second
+by the last two of n directions. A first one has the q of the last step that has taken several, of
+`LEAST` or more. They end where e is within `MARGIN` of the tolerance. After `LOOKED` steps a second
 one is taken for q. Where `MOST` directions do not suffice, steps of Newton's method do.
 
 With a tool, forces that keep its surface free are sought after each direction

@@ -180,7 +180,10 @@ class Recording:
         """Write .npz, or .pvd with a .vtu of every frame, for ParaView."""
         if path.suffix == ".npz":
             fields: dict[str, Any] = {k: v for k, v in vars(self).items() if k != "geometry"}
-            mesh = {"coordinates": self.geometry.coordinates, "cells": self.geometry.cells}
+            mesh: dict[str, Any] = {
+                "coordinates": self.geometry.coordinates,
+                "cells": self.geometry.cells,
+            }
             with complete_or_absent(path) as partial, partial.open("wb") as file:
                 np.savez(file, **mesh, **fields)
             return
