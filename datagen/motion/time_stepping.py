@@ -138,8 +138,7 @@ class Motion:
                 "generalised-alpha"
             )
         large = problem.size >= CROSSOVER[problem.dimension]
-        definite = problem.kind.dilation == "pointwise" and problem.load.contact is None
-        self._direct = not (large and definite)
+        self._direct = not (large and problem.kind.dilation == "pointwise")
         self.number, self.time, self._work = 0, 0.0, 0.0
         self.halvings = self.iterations = 0
         self.last: NewtonResult | None = None
