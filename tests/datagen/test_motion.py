@@ -63,17 +63,24 @@ def weigh(problem: EquilibriumProblem, inertia: Any, g: float) -> None:
 
 
 @pytest.mark.parametrize("element", ["linear", "quadratic", "incompressible"])
-@pytest.mark.parametrize("scheme", ["generalised-alpha", "energy-momentum"])
-def test_fall(element: Any, scheme: Any) -> None:
+@pytest.mark.parametrize(
+    ("scheme", "mass_matrix"),
+    [
+        ("generalised-alpha", "consistent"),
+        ("generalised-alpha", "lumped"),
+        ("energy-momentum", "consistent"),
+    ],
+)
+def test_fall(element: Any, scheme: Any, mass_matrix: Any) -> None:
     """A free body under its weight: u = −g t² / 2 and v = −g t, exactly by both schemes."""
     problem = body((2, 2), element=element, clamped=False)
     settings: dict[str, Any] = {"step": 0.1, "scheme": scheme, "duration": 1.0}
+    settings["mass"] = mass_matrix
     if element == "incompressible" and scheme == "energy-momentum":
         with pytest.raises(InputError, match="expected generalised-alpha for incompressible"):
             inertia_of(problem, SOFT, None, TimeSettings(**settings))
         return
     inertia = inertia_of(problem, SOFT, None, TimeSettings(**settings))
-    mass = np.zeros_like(problem.points)
     of_points = problem.unknowns.point_dofs
     mass = np.asarray(inertia.mass.sum(axis=1)).ravel()[of_points[:, 0]]
     points = problem.unknowns.points
@@ -96,7 +103,9 @@ def test_fall(element: Any, scheme: Any) -> None:
     assert frame.energies.dissipated == pytest.approx(0.0, abs=1e-9 * 200 * 9.81**2)
 
 
-@pytest.mark.parametrize("material", [SOFT, RUBBER], ids=["neo_hookean", "mooney_rivlin"])
+@pytest.mark.parametrize(
+    "material", [SOFT, pytest.param(RUBBER, marks=pytest.mark.slow)], ids=["neo_hookean", "rubber"]
+)
 def test_energy_and_momenta_of_free_flight(material: Material) -> None:
     """A stretched body that is thrown and turns: energy and momenta stay, at strains of 30 %."""
     problem = body((3, 2), (1.5, 1.0), material, clamped=False)
@@ -127,6 +136,7 @@ def test_energy_and_momenta_of_free_flight(material: Material) -> None:
     assert momenta() == pytest.approx(begin, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_order_two() -> None:
     """A beam that is let fall: the error is a quarter at half the step, by both schemes."""
     found = {}

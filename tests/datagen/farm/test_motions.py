@@ -96,6 +96,7 @@ def test_failed_motions_are_recorded(tmp_path: Path) -> None:
     assert arrays[FRAMES[0]].shape == (0, 3, 21, 2)
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_two_ranks_move_a_body_alike(tmp_path: Path) -> None:
     """Two ranks that share a body find what one finds, with viscosity and a let-go beam."""
