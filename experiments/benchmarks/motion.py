@@ -34,6 +34,7 @@ STEP, STEPS, EVERY = 1 / 60, 120, 6  # s; steps of a motion; steps of one certif
 EXACT = 1e-9  # tolerance of converged steps
 MOTIONS = ("let go", "pulled", "hit")
 PERIOD = 1.0  # s, of a load
+SPREAD = 0.5  # of the smallest side: radius within which it acts
 
 
 class Motion:
@@ -52,10 +53,11 @@ class Motion:
     def __init__(self, model: surrogate.Surrogate, kind: str, density: float, force: float) -> None:
         self.model, self.kind, self.density = model, kind, density
         geometry = model.geometry
-        forces = np.zeros(geometry.coordinates.shape)
-        forces[geometry.tip, -1] = -force
-        self.load, self.side = Load(forces), float(np.ptp(geometry.coordinates, axis=0).min())
-        self.tip = geometry.coordinates[geometry.tip]
+        self.side = float(np.ptp(geometry.coordinates, axis=0).min())
+        self.tip, self.top = geometry.coordinates[geometry.tip], geometry.coordinates[:, -1].max()
+        place = ",".join(repr(float(x)) for x in (*self.tip, SPREAD * self.side))
+        across = ",".join("0" * (geometry.dimension - 1))
+        self.load = Load.of(geometry, f"{place}:{across},{-force}")
 
     def session(self, tolerance: float) -> surrogate.Session:
         """The body at its begin."""
@@ -73,7 +75,7 @@ class Motion:
         depth = 0.5 * self.side * np.sin(np.pi * min(time / PERIOD, 1.0))
         radius, centre = 0.3 * self.side, self.tip.copy()
         centre[0] -= radius
-        centre[-1] += radius - depth + 1e-3 * self.side
+        centre[-1] = self.top + radius - depth
         return None, Sphere(tuple(centre), radius)
 
     def frames(self, tolerance: float, every: int = 0) -> Iterator[tuple[surrogate.Frame, float]]:

@@ -31,7 +31,7 @@ def test_one_trajectory(tmp_path: Path, history: str) -> None:
     expected = np.load(truth)["displacement"][1:]
     for tolerance, within in (("1e-9", 1e-8), ("5e-3", 1e-3)):
         out = tmp_path / "found.npz"
-        steps = ["--step", "0.02", "--tolerance", tolerance, "--out", out]
+        steps = "--step", "0.02", "--tolerance", tolerance, "--out", out
         execute(SURROGATE, "simulate", body, *given, *steps)
         found = np.load(out)["displacement"]
         np.testing.assert_allclose(found, expected, atol=within * np.abs(expected).max())

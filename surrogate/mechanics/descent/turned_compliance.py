@@ -15,13 +15,14 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from surrogate.mechanics.compiled.fields import compiled
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from surrogate.mechanics.matrices.factors import sum_of_cells
 
 Array = NDArray[np.float64]
-POLAR = 6  # iterations for a rotation
+POLAR = 4  # iterations for a rotation
 
 
 class TurnedCompliance:
@@ -40,7 +41,8 @@ class TurnedCompliance:
         of_cells = np.einsum("cq,cqbj->jcb", volumes, gradients)  # means times volumes
         rows = np.broadcast_to(of_cells[:, :, None], (*of_cells.shape, cells.shape[1]))
         around = np.bincount(cells.ravel(), volumes.sum(axis=1).repeat(cells.shape[1]), points)
-        self._slopes = [sum_of_cells(each, cells, points) / around[:, None] for each in rows]
+        sums = (sum_of_cells(each, cells, points) for each in rows)
+        self._slopes = [csr_array(each / around[:, None]) for each in sums]
 
     def rotations(self, u: Array) -> Array:
         """R of a state: (n_points, d) in m → (n_points, d, d)."""

@@ -33,7 +33,7 @@ LOOKED = 8  # steps after which the contraction is looked at
 LEAST, LARGEST = 0.05, 0.5  # contractions of which anything is concluded
 MARGIN = 0.4  # of the tolerance: largest estimate that counts as small
 NEWTON = 0.1  # of the allowed error: last step of Newton's method
-NEAR = 0.02  # of the size of a cell: direction that inverts none
+NEAR = 0.1  # of the size of a cell: direction that inverts none
 SHORTER = "take shorter time steps"
 
 
