@@ -97,12 +97,11 @@ def run(options: argparse.Namespace) -> None:
 def _model(options: argparse.Namespace) -> Actuation:
     """Read the modes of the body, or make and keep them."""
     import surrogate
-    from shared_schema.common.files import require_writable
-    from surrogate.mechanics.actuation.actuation import KEPT, SAMPLES, Actuation
     from surrogate.mechanics.statics.body import Body
 
     is_run = (options.body / "config.yaml").is_file()
     body = surrogate.load(options.body).body if is_run else Body.read(options.body)
+<<<<<<< HEAD
     path = options.modes or options.body / KEPT
     if path.is_file() and options.samples is None:
         return Actuation.read(path, body)
@@ -111,6 +110,10 @@ def _model(options: argparse.Namespace) -> Actuation:
     model.save(path)
     print(f"{path}: {len(model.reduced.modes)} modes")
     return model
+=======
+    given = {"samples": options.samples, "file": options.modes}
+    return surrogate.Actuation.of_folder(options.body, body, options.load, **given)
+>>>>>>> 2f816c2a (Pages of bodies with actuators: a slider for each, chambers and cables, and targets of nodes)
 
 
 def _by_name(

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from shared_schema.common.command_line import Commands, add_command, add_parameter
-from surrogate.command_options import add_run
+from surrogate.command_options import RUN
 
 
 def add_to(commands: Commands) -> None:
@@ -17,7 +17,8 @@ def add_to(commands: Commands) -> None:
         "write a self-contained HTML page on which a user drags loads",
         "surrogate page beam2d_any --out beam.html",
     )
-    add_run(parser)
+    what = f"{RUN}, or the folder of a body, for its load series or actuators"
+    parser.add_argument("run", type=Path, metavar="RUN", help=what)
     parser.add_argument(
         "--out", type=Path, metavar="FILE.html", help="(default: the name of RUN, in this folder)"
     )

@@ -14,9 +14,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, vstack
 
+from shared_schema.common.bodies.cables import Cable
 from shared_schema.common.bodies.distributed_loads import normals_of, shape_functions
+from shared_schema.common.bodies.following_loads import FollowingLoad, PressedSurface
 from shared_schema.common.bodies.reference_cells import (
     LINEAR,
     quadratic_quadrature,
@@ -37,6 +39,7 @@ from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from surrogate.mechanics.matrices.factors import band_order
 from surrogate.mechanics.solids.deformation import recorded_law
 from surrogate.mechanics.solids.mixed_elements import TaylorHoodSolid
+from surrogate.mechanics.solids.solid import Solid
 from surrogate.page.surface import support_marks, surface_of
 
 Arrays = dict[str, NDArray[Any]]
@@ -54,30 +57,41 @@ def body_data(equilibrium: Equilibrium) -> tuple[dict[str, Any], Arrays]:
         Points and cells, which are sorted by material; numbers of the free unknowns in the order
         of the page's factors; points between the nodes. Names of parts of a part are paths.
     """
-    solid, geometry = equilibrium.solid, equilibrium.geometry
+    geometry, rounding = equilibrium.geometry, equilibrium.round_off
+    of_cells = equilibrium.solid, geometry.coordinates, geometry.cell_type
+    text, arrays = elements_data(*of_cells)
+    text["nodes"] = equilibrium.nodes
+    text["rounding"] = {
+        "energy": equilibrium.rounding,
+        "atRest": rounding.at_rest,
+        "perDisplacement": rounding.per_displacement,
+    }
+    arrays["order"] = free_unknowns(equilibrium).astype(np.int32)
+    if equilibrium.points is not None:
+        between = equilibrium.points.interpolation[equilibrium.nodes :].tocsr()
+        arrays |= below("between", sparse_rows(between))
+    return text, arrays
+
+
+def elements_data(
+    solid: Solid, coordinates: NDArray[np.float64], cell_type: str
+) -> tuple[dict[str, Any], Arrays]:
+    """Describe elements, and points (n_points, d) in m, as `body_data` does."""
+    d = coordinates.shape[1]
     parts = solid.material_of_cells().numpy()
     order = np.argsort(parts, kind="stable")
-    cells, cell_type = geometry.cells[order], geometry.cell_type
     at, _ = _quadrature(cell_type)
     slopes = quadratic_shape_gradients if cell_type in LINEAR else shape_gradients
-    rounding = equilibrium.round_off
     text: dict[str, Any] = {
-        "d": geometry.dimension,
-        "nodes": equilibrium.nodes,
-        "laws": [law_data(law, geometry.dimension, solid.projects) for law in solid.laws],
+        "d": d,
+        "laws": [law_data(law, d, solid.projects) for law in solid.laws],
         "gradients": _rows(slopes(cell_type, at)),
-        "rounding": {
-            "energy": equilibrium.rounding,
-            "atRest": rounding.at_rest,
-            "perDisplacement": rounding.per_displacement,
-        },
     }
     arrays: Arrays = {
-        "coordinates": geometry.coordinates.astype(np.float64),
-        "cells": cells.astype(np.int32),
+        "coordinates": coordinates.astype(np.float64),
+        "cells": solid.cells.numpy()[order].astype(np.int32),
         "parts": parts[order].astype(np.int32),
         "volumes": solid.volumes.numpy()[order],
-        "order": free_unknowns(equilibrium).astype(np.int32),
     }
     if solid.projects:
         text["dilation"] = {
@@ -87,28 +101,35 @@ def body_data(equilibrium: Equilibrium) -> tuple[dict[str, Any], Arrays]:
         arrays["dilation/nodes"] = solid.corners.numpy()[order].astype(np.int32)
     if solid.fibres is not None:
         arrays["fibres"] = solid.fibres[..., 0, 0].permute(2, 0, 1).numpy()[order]
-    if equilibrium.points is not None:
-        between = equilibrium.points.interpolation[equilibrium.nodes :].tocsr()
-        arrays |= {f"between/{name}": array for name, array in sparse_rows(between).items()}
     return text, arrays
 
 
-def surface_data(surfaces: Sequence[NDArray[np.int64]], d: int) -> tuple[dict[str, Any], Arrays]:
-    """Describe the facets that pressures follow, of every surface, in d dimensions.
+def following_data(units: Sequence[FollowingLoad], d: int) -> tuple[dict[str, Any], Arrays]:
+    """Describe the loads that follow the body, by their numbers, in d dimensions.
 
     Returns
     -------
     text : dict
-        ``surfaces``, with the forces of a unit pressure on a facet; empty if no pressure acts.
+        ``surfaces``, with the forces of a unit pressure on a facet, if there are some.
     arrays : dict
+        Facets of surfaces; places of cables, as sums of points of the body and fixed ones.
     """
-    if not surfaces:
-        return {}, {}
-    facets = np.concatenate(surfaces)
-    numbers = np.repeat(np.arange(len(surfaces)), [len(each) for each in surfaces])
-    arrays = {"facets": facets.astype(np.int32), "surfaces": numbers.astype(np.int32)}
-    text = {"surfaces": {"facet": facet_data(facets.shape[1], d)}}
-    return text, {f"surfaces/{name}": array for name, array in arrays.items()}
+    text, arrays = dict[str, Any](), Arrays()
+    pressed = {i: u.facets for i, u in enumerate(units) if isinstance(u, PressedSurface)}
+    if pressed:
+        facets = np.concatenate(list(pressed.values()))
+        numbers = np.repeat(list(pressed), [len(each) for each in pressed.values()])
+        text["surfaces"] = {"facet": facet_data(facets.shape[1], d)}
+        arrays |= {"surfaces/facets": facets.astype(np.int32)}
+        arrays |= {"surfaces/units": numbers.astype(np.int32)}
+    cables = {i: u for i, u in enumerate(units) if isinstance(u, Cable)}
+    if cables:
+        places = vstack([cable.weights for cable in cables.values()]).tocsr()
+        numbers = np.repeat(list(cables), [len(each.fixed) for each in cables.values()])
+        arrays |= below("cables/places", sparse_rows(places))
+        arrays |= {"cables/fixed": np.concatenate([cable.fixed for cable in cables.values()])}
+        arrays |= {"cables/units": numbers.astype(np.int32)}
+    return text, arrays
 
 
 def facet_data(points: int, d: int) -> dict[str, Any]:
@@ -244,7 +265,7 @@ def mechanics_of(surrogate: Surrogate) -> Mechanics:
     """
     geometry = replace(surrogate.geometry, pressed_by_corners=False)  # as new loads press
     responds = surrogate.network.linear is not None
-    alone = isinstance(surrogate.network.network, NoNetwork)
+    alone = is_alone(surrogate)
     body: dict[str, Any] | None = None
     response: dict[str, Any] | None = None
     arrays: Arrays = {}
@@ -256,9 +277,9 @@ def mechanics_of(surrogate: Surrogate) -> Mechanics:
             raise
     else:
         body, arrays = body_data(equilibrium)
-        text, of_surfaces = surface_data(geometry.surfaces, geometry.dimension)
+        text, following = following_data(geometry.following, geometry.dimension)
         entries = band_entries(equilibrium, arrays["order"])
-        body, arrays = body | text, below("body", arrays | of_surfaces)
+        body, arrays = body | text, below("body", arrays | following)
         if entries > BAND:
             body, arrays, band = None, {}, entries if alone else 0
     if responds and not alone and not band:
@@ -276,6 +297,12 @@ def mechanics_of(surrogate: Surrogate) -> Mechanics:
     if pressed:
         arrays["pushes"] = unit_pressures(geometry)
     return Mechanics(body, response, pressed, largest, arrays)
+
+
+def is_alone(surrogate: Surrogate) -> bool:
+    """True if a page predicts without a network: by a load series, or in modes of actuators."""
+    is_series = isinstance(surrogate.network.network, NoNetwork)
+    return is_series or surrogate.geometry.actuators is not None
 
 
 def below(part: str, arrays: Mapping[str, NDArray[Any]]) -> Arrays:
@@ -307,8 +334,9 @@ def pressures_of(surrogate: Surrogate) -> tuple[tuple[str, ...], tuple[float, ..
 
 def unit_pressures(geometry: Geometry) -> NDArray[np.float64]:
     """Forces of 1 Pa on each surface of the undeformed body, at the nodes: (n_surfaces, n, d)."""
-    push = FollowingLoads.of(geometry, np.eye(len(geometry.following)))
-    return np.asarray(push.load[:, : len(geometry.coordinates)] * geometry.free)
+    count, nodes = len(geometry.surfaces), len(geometry.coordinates)
+    push = FollowingLoads.of(geometry, np.eye(count, len(geometry.following)))
+    return np.asarray(push.load[:, :nodes] * geometry.free)
 
 
 def spread_of(geometry: Geometry) -> csr_array:

@@ -12,6 +12,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -26,12 +27,14 @@ from shared_schema.common.solution_file import require_suffix
 from surrogate.learning.inference.export import require_packages
 from surrogate.learning.inference.loading import load
 from surrogate.learning.inference.surrogate import Surrogate
-from surrogate.learning.models.series_model import NoNetwork
 from surrogate.learning.probabilistic.distribution import Moments
+from surrogate.learning.training.loop import train
+from surrogate.mechanics.actuation.actuation import Actuation
 from surrogate.mechanics.body.stiffness import modulus_at_rest
-from surrogate.page.body import BAND, drawn, mechanics_of
+from surrogate.page.body import BAND, below, drawn, is_alone, mechanics_of
 from surrogate.page.bundle import read_bundle
 from surrogate.page.inlined import in_base64, inlined, packed
+from surrogate.page.page_actuators import actuator_data
 from surrogate.page.page_loads import Arrays, load_arrays, page_loads
 from surrogate.page.page_network import (
     NO_NETWORK,
@@ -89,7 +92,9 @@ def write_page(
     Parameters
     ----------
     run : str or Path
-        Run folder, or the name of a network that comes with the package.
+        Run folder, or the name of a network that comes with the package; or the folder of a body,
+        for its load series. On bodies with actuators, modes predict
+        (`surrogate.Actuation.of_folder`) in place of the run.
     out : str or Path
         File to write; it ends in .html.
     patch : float, optional
@@ -109,7 +114,7 @@ def write_page(
     path = Path(out)
     require_suffix(path, (".html",))
     require_writable(path)
-    bundle, surrogate = read_bundle(), load(run)
+    bundle, surrogate = read_bundle(), surrogate_of(run)
     surrogate = surrogate.of_shape(parameters) if parameters else surrogate
     order, mechanics = series_order(surrogate), mechanics_of(surrogate)
     if mechanics.band and not fits(surrogate):
@@ -125,7 +130,12 @@ def write_page(
     content |= {"body": mechanics.body, "response": mechanics.response}
     content |= {"pressed": mechanics.pressed, "largestPressures": mechanics.pressures}
     content |= {"largest": loads.largest, "patch": loads.radius, "density": loads.density}
-    content |= {"series": order, "places": None}
+    content |= {"series": order, "places": None, "actuation": None}
+    if geometry.actuators is not None and not mechanics.band:
+        model = Actuation.of_folder(surrogate.folder or run, surrogate.body)
+        content["actuation"], of_actuators = actuator_data(model)
+        content["network"] = f"{len(model.reduced.modes)} modes of the actuators"
+        arrays |= below("actuation", of_actuators)
     extents = np.ptp(geometry.coordinates, axis=0)
     content |= {"extent": float(extents.max()), "radius": loads.radius or sphere_radius(extents)}
     parts = {"style": bundle.style, "script": bundle.script}
@@ -166,8 +176,24 @@ def write_page(
     return Written(size, network.passes, mechanics.body is not None)
 
 
+def surrogate_of(run: str | Path) -> Surrogate:
+    """The surrogate of a run, or the load series of a body's folder."""
+    folder = Path(run)
+    if (folder / "config.yaml").is_file() or not (folder / "manifest.json").is_file():
+        return load(run)
+    with TemporaryDirectory() as made:
+        series = train("series", folder, made)
+    series.folder = folder
+    return series
+
+
 def young_modulus(surrogate: Surrogate) -> float | None:
-    """Young's modulus at rest in Pa; None for a body of several materials, or of one's own."""
+    """Young's modulus at rest in Pa, which a page changes; None if the page does not.
+
+    That is for a body of several materials, or of one's own, and for one with actuators.
+    """
+    if surrogate.geometry.actuators is not None:
+        return None
     try:
         return modulus_at_rest(surrogate.description.data.material)
     except InputError:
@@ -181,7 +207,7 @@ def sphere_radius(extents: NDArray[np.float64]) -> float:
 
 def series_order(surrogate: Surrogate) -> int:
     """Order of the load series that a page computes in place of a network; 0 for a network."""
-    if not isinstance(surrogate.network.network, NoNetwork):
+    if not is_alone(surrogate):
         return 0
     return int(getattr(surrogate.description.run, "series_order", 1))
 

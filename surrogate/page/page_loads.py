@@ -16,9 +16,11 @@ from shared_schema.common.errors import InputError
 from surrogate.learning.data.case_loads import families_of, region_of
 from surrogate.learning.inference.surrogate import Surrogate
 from surrogate.mechanics.body.geometry import Geometry
+from surrogate.mechanics.statics.body import Body
 from surrogate.page.body import sparse_rows
 
 FINGER = 0.05  # of the diagonal and of the largest body force: patch where nothing else acts
+MOVED = 0.1  # of the body's diagonal, under the largest force
 Arrays = dict[str, NDArray[Any]]
 Integers = NDArray[np.int64]
 Families = list[Mapping[str, Any]]
@@ -67,6 +69,8 @@ def page_loads(surrogate: Surrogate, radius: float | None = None) -> PageLoads:
     if radius is None:
         radius = _radius(geometry, patches, alone=bool(weights) and len(weights) == len(families))
     largest = surrogate.description.data.info.force.max_abs
+    if not families and geometry.actuators is not None:
+        largest = (largest_force(surrogate.body),) * d
     density = _largest(weights) if weights else None
     if radius > 0 and patches:
         area = np.pi * radius**2 / 3 if d == 3 else 16 * radius / 15  # ∫ (1 − r²/R²)² dS
@@ -93,6 +97,16 @@ def load_arrays(geometry: Geometry, loads: PageLoads, nodes: Integers) -> Arrays
         placed = csr_array((rows.data, (nodes[rows.row], rows.col)), shape=(count, count))
         found |= {f"patches/{name}": array for name, array in sparse_rows(placed).items()}
     return found
+
+
+def largest_force(body: Body) -> float:
+    """Force in N at the tip under which the linear body moves by `MOVED` of its diagonal."""
+    x, equilibrium = body.geometry.coordinates, body.equilibrium
+    d, tip = x.shape[1], body.geometry.tip
+    units = np.zeros((d, equilibrium.free.shape[0], d))
+    units[range(d), tip, range(d)] = 1.0
+    moved = np.linalg.norm(equilibrium.linear_response(units)[:, tip], axis=1).max()
+    return float(MOVED * np.linalg.norm(np.ptp(x, axis=0)) / moved)
 
 
 def volumes_of(geometry: Geometry) -> NDArray[np.float64]:

@@ -14,7 +14,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import numpy as np
 import yaml
 
 from shared_schema.common.arguments import checked_arguments
@@ -25,11 +24,11 @@ from surrogate.learning.training.loop import train
 from surrogate.mechanics.statics.body import Body
 from surrogate.page.factory import run_datagen
 from surrogate.page.page import write_page
+from surrogate.page.page_loads import largest_force
 
 CONDITION = re.compile(r"\s*([xyz])\s*(<=|>=|<|>|=)\s*([^\s<>=]+)\s*")
 SHAPES = ("sphere", "patch", "plane")  # of regions
 FEWEST = 4  # numbers of one of them
-MOVED = 0.1  # of the body's diagonal, under the largest force
 REPAIRED = "repaired.stl"
 FIRST = 1.0  # range in N of the loads of a body whose stiffness is not known yet
 
@@ -178,13 +177,3 @@ def make_body(case: Mapping[str, Any], folder: Path) -> Body:
     (folder / "case.yaml").write_text(yaml.safe_dump(dict(case), sort_keys=False))
     run_datagen("body", folder / "case.yaml", "--out", folder / "body")
     return Body.read(folder / "body")
-
-
-def largest_force(body: Body) -> float:
-    """Force in N at the tip under which the linear body moves by `MOVED` of its diagonal."""
-    x, equilibrium = body.geometry.coordinates, body.equilibrium
-    d, tip = x.shape[1], body.geometry.tip
-    units = np.zeros((d, equilibrium.free.shape[0], d))
-    units[range(d), tip, range(d)] = 1.0
-    moved = np.linalg.norm(equilibrium.linear_response(units)[:, tip], axis=1).max()
-    return float(MOVED * np.linalg.norm(np.ptp(x, axis=0)) / moved)

@@ -12,6 +12,7 @@ what is wrong with it (Magisano, Leonetti and Garcea 2017).
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,6 +24,11 @@ from scipy.stats.qmc import Halton
 
 from shared_schema.actuators import Control, pressed
 from shared_schema.common.errors import InputError, WorkError
+<<<<<<< HEAD
+=======
+from shared_schema.common.files import require_writable
+from shared_schema.common.progress import Progress
+>>>>>>> 2f816c2a (Pages of bodies with actuators: a slider for each, chambers and cables, and targets of nodes)
 from shared_schema.common.solution_file import write_solution
 from surrogate.mechanics.actuation.actuated_body import ActuatedBody, ActuatedModes
 from surrogate.mechanics.actuation.bordered import Balanced, balanced, moved_by, newton
@@ -41,6 +47,7 @@ from surrogate.mechanics.statics.body import Body
 from surrogate.mechanics.statics.load import Load
 from surrogate.runtime.tensor_file import load_tensors, serialised
 
+logger = logging.getLogger(__name__)
 Array = NDArray[np.float64]
 KEPT = "actuation.safetensors"  # file of the modes, in the folder of a body or a run
 SAMPLES, SEED = 128, 0
@@ -194,6 +201,39 @@ class Actuation:
         box = np.array([amplitudes.min(axis=0), amplitudes.max(axis=0)])
         surfaces = fitted_surfaces(in_modes, coefficients, amplitudes, box)
         return cls(body, modes, sample, box, coefficients, *surfaces)
+
+    @classmethod
+    def of_folder(
+        cls,
+        folder: str | Path,
+        body: Body,
+        loads: Sequence[str] = (),
+        *,
+        samples: int | None = None,
+        file: Path | None = None,
+    ) -> Actuation:
+        """Read the modes that are kept in the folder of a body, or make and keep them, as `fit`.
+
+        Parameters
+        ----------
+        folder : str or Path
+            Of the body, or of a run.
+        body : Body
+        loads : sequence of str
+        samples : int, optional
+            New modes are made if it is given.
+        file : Path, optional
+            Where the modes are kept; by default ``actuation.safetensors`` in the folder.
+        """
+        path = file or Path(folder) / KEPT
+        if path.is_file() and samples is None:
+            return cls.read(path, body)
+        require_writable(path)
+        model = cls.fit(body, loads, samples=samples or SAMPLES)
+        model.save(path)
+        count = len(model.reduced.modes), len(model.amplitudes)
+        logger.info("%s: %d modes of %d equilibria", path, *count)
+        return model
 
     def save(self, path: Path) -> None:
         """Write what `read` reads."""

@@ -64,6 +64,13 @@ class ReducedBody:
     modes : array, (n_modes, n_points, d)
         In m, of every coefficient.
     sample : CellSample
+
+    Attributes
+    ----------
+    elements : Solid
+        Of the sampled cells; their volumes are weighted.
+    points : array of int
+        Numbers of the points of these cells.
     """
 
     def __init__(
@@ -85,7 +92,7 @@ class ReducedBody:
             kind = type(equilibrium.solid)
             solid = kind(*body, geometry.cell_type, equilibrium.material, parts, fibres)
             solid.volumes *= torch.from_numpy(sample.weights)[:, None]
-        self._elements = solid
+        self.elements, self.points = solid, nodes
         self._solid, self._shape = solid.compiled, (len(nodes), modes.shape[2])
         self._at_nodes = np.ascontiguousarray(modes[:, nodes].reshape(len(modes), -1).T)
         of_cells = modes[:, nodes][:, solid.cells.numpy()]
@@ -125,7 +132,7 @@ class ReducedBody:
         Tangents of cells are those of u, θ and p. With :math:`θ_k = M^{-1} B^T φ_k`, which the row
         of p says, the works on the modes are those of the condensed tangent for any p, here 0.
         """
-        solid, (_, rows, modes) = self._elements, self._at_cells.shape
+        solid, (_, rows, modes) = self.elements, self._at_cells.shape
         corners = solid.corners.numpy()
         of_modes = of_cells[:, -corners.shape[1] :, :rows] @ self._at_cells
         sums = np.zeros((int(corners.max()) + 1, modes))

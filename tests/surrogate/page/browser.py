@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -80,10 +80,14 @@ class OpenPage:
 
     def pixel(self, node: int) -> tuple[float, float]:
         """Place of a node in the window."""
+        return self.pixel_of(self.page.evaluate(f"surrogatePage.scene.body.at({node}).toArray()"))
+
+    def pixel_of(self, x: Sequence[float] | Array) -> tuple[float, float]:
+        """Place of a point in space, in m, in the window."""
         box = self.page.locator("#stage canvas").bounding_box()
         assert box is not None
-        code = f"surrogatePage.scene.project(surrogatePage.scene.body.at({node}))"
-        place = self.page.evaluate(code)
+        code = "(x) => surrogatePage.scene.project(surrogatePage.scene.body.at(0).fromArray(x))"
+        place = self.page.evaluate(code, [float(value) for value in x])
         return box["x"] + place["x"], box["y"] + place["y"]
 
     def drag(self, node: int, right: float, up: float, steps: int = 8) -> None:

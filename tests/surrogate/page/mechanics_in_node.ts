@@ -2,17 +2,19 @@
 
 import { readFileSync } from "node:fs";
 import { put } from "../../../surrogate/page/web/src/content";
+import { ActuatedModes } from "../../../surrogate/page/web/src/mechanics/actuated_modes";
 import { certify } from "../../../surrogate/page/web/src/mechanics/certificate";
 import { Equilibrium } from "../../../surrogate/page/web/src/mechanics/equilibrium";
 import { atPoints } from "../../../surrogate/page/web/src/mechanics/points_between";
 import { loadSeries, seriesTerms, weights } from "../../../surrogate/page/web/src/mechanics/load_series";
+import { approach } from "../../../surrogate/page/web/src/mechanics/reach";
 import { Solid } from "../../../surrogate/page/web/src/mechanics/solid";
 
 const { text, arrays, asks } = JSON.parse(readFileSync(0, "utf-8"));
 for (const [path, { type, values }] of Object.entries(arrays)) {
   put(text, path, (type === "int32" ? Int32Array : Float64Array).from(values));
 }
-const body = text;
+const { actuation, ...body } = text;
 const solid = new Solid(body);
 const equilibrium = new Equilibrium(solid);
 const always = (): Promise<boolean> => Promise.resolve(true);
@@ -43,6 +45,19 @@ for (const ask of asks) {
       terms: terms.map((term) => Array.from(term)),
       weights: weights(equilibrium, terms, force),
       series: Array.from(loadSeries(equilibrium, force, ask.order)),
+    });
+  } else if (ask.kind === "actuated") {
+    const modes = new ActuatedModes(actuation, equilibrium.following, equilibrium.size);
+    const work = modes.worksOf(force);
+    const reached = modes.move(ask.given, work);
+    if (ask.way) while (!approach(modes, ask.node, field(ask.way), work));
+    answers.push({
+      reached,
+      displacement: Array.from(modes.displacement()),
+      amplitudes: Array.from(modes.at.amplitudes),
+      quantities: modes.quantities(),
+      given: Array.from(modes.at.given),
+      changes: modes.changes().map((q) => Array.from(modes.displacement(q))),
     });
   } else {
     const predicted = atPoints(equilibrium, field(ask.u), force);

@@ -11,8 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from shared_schema.common.bodies.following_loads import FollowingLoad
+from surrogate.mechanics.actuation.actuation import Actuation
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
-from surrogate.page.body import body_data, surface_data
+from surrogate.page.body import Arrays, below, body_data, following_data
+from surrogate.page.page_actuators import actuator_data
 
 Array = NDArray[np.float64]
 WEB = Path(__file__).parents[3] / "surrogate" / "page" / "web"
@@ -38,16 +41,21 @@ class PageInNode:
         self,
         equilibrium: Equilibrium,
         asks: list[dict[str, Any]],
-        surfaces: Sequence[NDArray[np.int64]] = (),
+        following: Sequence[FollowingLoad] = (),
+        actuation: Actuation | None = None,
     ) -> list[Any]:
         """Answer questions: `kind`, `force` in N, `pressures` in Pa, and what the kind needs."""
         text, arrays = body_data(equilibrium)
-        of_facet, of_surfaces = surface_data(surfaces, equilibrium.geometry.dimension)
+        of_units, units = following_data(following, equilibrium.geometry.dimension)
+        of_actuators, actuators = dict[str, Any](), Arrays()
+        if actuation is not None:
+            found, own = actuator_data(actuation)
+            of_actuators, actuators = {"actuation": found}, below("actuation", own)
         request = {
-            "text": text | of_facet,
+            "text": text | of_units | of_actuators,
             "arrays": {
                 name: {"type": array.dtype.name, "values": array.ravel().tolist()}
-                for name, array in (arrays | of_surfaces).items()
+                for name, array in (arrays | units | actuators).items()
             },
             "asks": [
                 {"pressures": []}
@@ -62,8 +70,8 @@ class PageInNode:
             text=True,
             check=True,
         )
-        found: list[Any] = json.loads(done.stdout)
-        return found
+        answers: list[Any] = json.loads(done.stdout)
+        return answers
 
 
 def numbers(field: Array) -> list[float | None]:

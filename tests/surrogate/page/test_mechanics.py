@@ -9,7 +9,7 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
-from shared_schema.common.bodies.following_loads import PressedSurface
+from shared_schema.common.bodies.following_loads import FollowingLoad
 from shared_schema.grid import Grid
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.certify.correction import correct
@@ -50,11 +50,6 @@ def assert_close(found: Any, expected: Array, relative: float = 1e-9) -> None:
     )
 
 
-def facets_of(following: FollowingLoads) -> tuple[NDArray[np.int64], ...]:
-    """Facets of the surfaces under pressure."""
-    return tuple(unit.facets for unit in following.units if isinstance(unit, PressedSurface))
-
-
 @pytest.mark.parametrize(("element", "cell_type", "material", "under_pressure"), BODIES)
 def test_page_computes_what_python_does(
     ask: PageInNode, element: str, cell_type: str, material: str, under_pressure: bool
@@ -66,12 +61,12 @@ def test_page_computes_what_python_does(
     plain, d = body(element, cell_type, material), box(cell_type).dimension
     force = plain.forces_at_points(end_load(box(cell_type), *LOAD[:d])[None])
     following: FollowingLoads | None = None
-    under, pressures, surfaces = plain, list[float](), tuple[NDArray[np.int64], ...]()
+    under, pressures, units = plain, list[float](), tuple[FollowingLoad, ...]()
     if under_pressure:
         under = plain.under(upper_side(cell_type, plain))
         following = under.following
         assert following is not None
-        pressures, surfaces = following.amplitudes[0].tolist(), facets_of(following)
+        pressures, units = following.amplitudes[0].tolist(), following.units
     terms, weights = combination(plain, ORDER, force, following)
     expected = np.einsum("nk,knai->nai", weights, terms)
     rng = np.random.default_rng(0)
@@ -85,7 +80,7 @@ def test_page_computes_what_python_does(
             {"kind": "series", "force": force, "order": ORDER, "pressures": pressures},
             {"kind": "certificate", "force": force, "u": nodal, "pressures": pressures},
         ],
-        surfaces,
+        units,
     )
     solid = plain.solid
     slopes = solid.slopes(torch.from_numpy(x))
@@ -230,7 +225,7 @@ def test_a_settled_estimate_leads_to_the_equilibrium(ask: PageInNode) -> None:
     start = plain.linear_response(under.at_rest(force))
     pressures = following.amplitudes[0].tolist()
     request = {"kind": "certificate", "force": force, "u": start, "pressures": pressures}
-    (found,) = ask(plain, [request], facets_of(following))
+    (found,) = ask(plain, [request], following.units)
     expected = correct(under, load, start[0, : plain.nodes], 1e-11).displacement
     displacement = np.array(found["corrected"]).reshape(-1, 3)[: plain.nodes]
     size = np.abs(expected).max()

@@ -1,5 +1,6 @@
 /** What `surrogate page` has written into the file: the body, the network, onnxruntime's WebAssembly. */
 
+import type { Actuation } from "./mechanics/actuated_modes";
 import type { Body, Rows } from "./mechanics/body";
 import { at } from "./mechanics/vectors";
 import type { TrainingRange } from "./training_range";
@@ -16,6 +17,8 @@ interface Written {
   needsResponse: boolean;
   /** Order of the load series that predicts in place of a network; 0 if there is a network. */
   series: number;
+  /** What predicts in place of both on a body with actuators. */
+  actuation: Actuation | null;
   deviations: Record<string, "epistemic" | "aleatoric">;
   limit: number[];
   loads: TrainingRange["loads"];

@@ -26,6 +26,7 @@ export class LoadCards {
     onClick(find("#remove-all"), () => {
       loads.clear();
       state.put(null);
+      state.target = null;
       changed();
     });
     // a choice of nodes for those who do not use a pointer

@@ -22,7 +22,7 @@ export interface Load extends Part {
 /** What loads act on. */
 type LoadedBody = Pick<
   Content,
-  "nodes" | "d" | "held" | "patches" | "volumes" | "pressed" | "pushes"
+  "nodes" | "d" | "held" | "patches" | "volumes" | "pressed" | "pushes" | "actuation"
 >;
 
 export class Loads {
@@ -33,10 +33,13 @@ export class Loads {
   contacts: Part[] = [];
   /** Pressures on the surfaces in Pa. */
   readonly pressures: number[];
+  /** What is given of the actuators. */
+  readonly given: number[];
   selected: Load | null = null;
 
   constructor(private readonly on: LoadedBody) {
     this.pressures = on.pressed.map(() => 0);
+    this.given = this.atRest();
     this.body = this.none(BODY);
   }
 
@@ -57,7 +60,13 @@ export class Loads {
     this.all.length = 0;
     this.body.force.fill(0);
     this.pressures.fill(0);
+    this.given.splice(0, Infinity, ...this.atRest());
     this.selected = null;
+  }
+
+  /** Whether actuators do something. */
+  get isActuated(): boolean {
+    return this.atRest().some((value, i) => value !== this.given[i]);
   }
 
   /** All that keeps its direction. */
@@ -107,6 +116,10 @@ export class Loads {
     const sum = new Array<number>(this.on.d).fill(0);
     this.reach(key, (dof, i, weight) => (sum[i] += weight * field[dof]));
     return sum;
+  }
+
+  private atRest(): number[] {
+    return this.on.actuation?.sliders.map(({ rest }) => rest) ?? [];
   }
 
   private none(key: number): Load {

@@ -136,6 +136,7 @@ async function start(): Promise<void> {
     if (outcome === "there") outcome = searches[1].step();
     isStale ||= outcome === "moves";
     if (outcome === "missing") panel.tell(PREPARING);
+    isStale ||= state.target !== null && state.actuated?.isWhole === false;
     if (outcome === "lost") panel.tell("No forces are found under which the body would be there.");
     if (fields) addToCurve();
     if (fields && !isStale) {

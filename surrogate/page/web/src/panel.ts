@@ -8,8 +8,9 @@ import { LoadCards } from "./load_cards";
 import { norm } from "./mechanics/vectors";
 import type { Kind } from "./save";
 import type { Gesture, State } from "./state";
-import { asForce, asLength, digits, place, unitOf, units } from "./units";
+import { asForce, asLength, digits, inUnit, place, unitOf, units } from "./units";
 
+const REACHED = 5e-3; // of the size of the body: what a target is missed by
 const PASTED = 2000; // ms that a button says so
 
 /** What the panel asks of the page. */
@@ -39,6 +40,13 @@ export class Panel {
     const values = {
       "#body-force": inPairs(loads.body.force),
       "#pressures": inPairs(loads.pressures),
+      "#actuators": inPairs(loads.given).map(({ read, write }) => ({
+        read,
+        write: (value: number) => {
+          state.target = null;
+          write(value);
+        },
+      })),
       "#stiffness": [
         { read: () => Math.log10(state.stiffness), write: (decades) => state.stiffen(decades) },
         { read: () => state.modulus, write: (modulus) => (state.modulus = modulus) },
@@ -52,6 +60,10 @@ export class Panel {
     }
     onClick(find("#take-away"), () => {
       state.put(null);
+      actions.changed();
+    });
+    onClick(find("#no-target"), () => {
+      state.target = null;
       actions.changed();
     });
     for (const input of inputs("section:first-of-type [role=radiogroup]")) {
@@ -80,6 +92,7 @@ export class Panel {
     this.cards.update();
     for (const show of this.shown) show();
     this.updateTool();
+    this.updateActuators();
     this.curve.draw();
     this.updateBar(most);
     if (content.certified) this.updateEstimate();
@@ -126,6 +139,29 @@ export class Panel {
       count === 0
         ? "The sphere touches nothing."
         : `The sphere pushes by ${asForce(norm(force))}, ${components}, on ${nodes}.`;
+  }
+
+  /** What the actuators do, and whether they reach the target. */
+  private updateActuators(): void {
+    const { content, actuated, target } = this.state;
+    const { sliders, controls, size } = content.actuation ?? { sliders: [], controls: [], size: 0 };
+    document.querySelectorAll("#actuators p").forEach((reading, i) => {
+      const at = controls.length - sliders.length + i;
+      const values = [actuated?.amplitudes[at] ?? 0, actuated?.quantities[at] ?? controls[at].rest];
+      reading.textContent = sliders[i].readings
+        .map(([name, unit], k) => `${name} ${inUnit(values[k], unit, 4)}`)
+        .join(", ");
+    });
+    find("#target").hidden = !target;
+    const missed = actuated?.missed ?? 0;
+    const isFar = missed > REACHED * size;
+    find("#reached").textContent = !isFar
+      ? "The target is reached."
+      : actuated?.isWhole
+        ? `The target is out of reach: the nearest state misses it by ${asLength(missed)}.`
+        : "On the way to the target …";
+    find("#reached").classList.toggle("bad", isFar && actuated?.isWhole === true);
+    find("#no-equilibrium").hidden = target !== null || actuated?.isWhole !== false;
   }
 
   private updateBar(most: number): void {

@@ -1,4 +1,4 @@
-/** Pointer and keys on the body: a drag sets a force, takes hold of the body, or pushes it. */
+/** Pointer and keys on the body: a drag sets a force or a target, takes hold of the body, or pushes it. */
 
 import { Vector3 } from "three";
 import type { Load } from "./loads";
@@ -46,7 +46,8 @@ export function listen(
   const down = (event: PointerEvent): void => {
     if (drag || event.button !== 0) return;
     const { offsetX: x, offsetY: y, pointerId: pointer } = event;
-    const begun = state.gesture === "push" ? dragTool(x, y) : dragNode(x, y);
+    const begin = { force: dragNode, hold: dragNode, push: dragTool, reach: dragTarget };
+    const begun = begin[state.gesture](x, y);
     if (!begun) return;
     event.stopImmediatePropagation();
     canvas.setPointerCapture(pointer);
@@ -97,6 +98,17 @@ export function listen(
         if (![...load.force, ...(load.held ?? [])].some(Boolean)) loads.remove(load);
       },
     };
+  };
+
+  /** Begin to drag where the actuators shall bring a node. */
+  const dragTarget = (x: number, y: number): Drag | null => {
+    const node = scene.pick(x, y);
+    if (node === null) return null;
+    const through = scene.body.at(node);
+    const start = through.toArray().slice(0, content.d);
+    state.node = node;
+    state.target = { node, place: start };
+    return { through, follow: (pull) => (state.target = { node, place: moved(start, pull, 1) }) };
   };
 
   /** Begin to drag the sphere, which is put on the body where there is none under the pointer. */

@@ -29,8 +29,8 @@ export class Prediction {
 
   /** Start the workers, and the network if there is one. */
   private async start(): Promise<void> {
-    const { responding, body, series } = this.state.content;
-    if (responding) this.mechanics = new Mechanics(responding, body);
+    const { responding, body, series, actuation } = this.state.content;
+    if (responding) this.mechanics = new Mechanics(responding, body, actuation);
     if (document.readyState === "loading") {
       await new Promise((resolve) => {
         document.addEventListener("DOMContentLoaded", resolve, { once: true });
@@ -46,7 +46,9 @@ export class Prediction {
   async fields(): Promise<Fields | null> {
     const { loads, stiffness, content, isLoaded } = this.state;
     this.mechanics?.forget();
+    if (!isLoaded) this.state.actuated = null;
     if (!isLoaded) return null;
+    if (content.actuation) return this.mechanics && this.actuated(this.mechanics);
     if (content.series === 0) return this.predicted(loads.parts(), stiffness);
     return this.mechanics && this.nodal(await this.series(this.mechanics));
   }
@@ -58,6 +60,7 @@ export class Prediction {
     if (!mechanics || !content.certified || !displacement) return false;
     const points = content.series > 0 ? new Float32Array(displacement.buffer) : displacement;
     const loading = state.loads.loading(state.stiffness);
+    if (state.actuated) loading.pressures = state.actuated.amplitudes;
     const certificate = await mechanics.estimate(loading, Float64Array.from(points));
     if (!certificate) return false;
     state.certificate = certificate;
@@ -68,8 +71,20 @@ export class Prediction {
       (value, i) => value + shown.displacement[i] - corrected.displacement[i],
     ); // with that of single precision
     state.fields = shown;
+    if (state.actuated) state.actuated.quantities = corrected.quantities;
     state.certificate = { ...certificate, error };
     return true;
+  }
+
+  /** Under actuators, which a target moves. */
+  private async actuated(mechanics: Mechanics): Promise<Fields> {
+    const { state } = this;
+    const { given } = state.loads;
+    const loading = state.loads.loading(state.stiffness);
+    const found = await mechanics.actuated(loading, given, state.target);
+    if (state.target) given.splice(0, Infinity, ...found.given);
+    state.actuated = found;
+    return this.nodal(found.displacement);
   }
 
   private series(mechanics: Mechanics): Promise<Float32Array> {

@@ -4,6 +4,8 @@ import type { FieldName } from "./colours";
 import type { Content } from "./content";
 import { Loads, type Load } from "./loads";
 import type { Certificate } from "./mechanics/certificate";
+import type { Target } from "./mechanics/reach";
+import type { Actuated } from "./mechanics/worker";
 import { at, largest, lengths, norm } from "./mechanics/vectors";
 import type { Fields } from "./network";
 import type { Sphere } from "./touch/sphere";
@@ -11,8 +13,8 @@ import { exceeded, isBeyond, type Kind } from "./training_range";
 
 const LARGE = 0.1; // of the displacement: an estimated error after which the prediction is wrong
 
-/** What a drag on the body does: set a force, take hold of the body, push it with the sphere. */
-export type Gesture = "force" | "hold" | "push";
+/** What a drag on the body does: set a force, take hold, push with the sphere, set a target of the actuators. */
+export type Gesture = "force" | "hold" | "push" | "reach";
 
 /** A sphere on its way. */
 export interface Tool extends Sphere {
@@ -24,6 +26,10 @@ export class State {
   readonly loads: Loads;
   /** Outputs of the network; null for a body at rest. */
   fields: Fields | null = null;
+  /** What the actuators do there; null on a body without. */
+  actuated: Actuated | null = null;
+  /** Where they shall bring a node. */
+  target: Target | null = null;
   /** Estimate of the error of `fields`; null while there is none. */
   certificate: Certificate | null = null;
   field: FieldName = "displacement";
@@ -69,7 +75,7 @@ export class State {
   }
 
   get isLoaded(): boolean {
-    return this.loads.parts().length > 0;
+    return this.loads.parts().length > 0 || this.loads.isActuated || this.target !== null;
   }
 
   /** Put a tool on the body, where it bears no force yet, or take it away. */

@@ -15,7 +15,8 @@ const PREFIXES: [number, string][] = [
 
 /** The unit in which a number has digits before the point: its factor, and its label. */
 export function unitOf(value: number, unit: string): [number, string] {
-  if ((unit !== "m" && unit !== "N") || value === 0) return [1, unit];
+  if (unit === "m³" && Math.abs(value) < 0.1) return [1e-6, "cm³"];
+  if (!["m", "N", "Pa"].includes(unit) || value === 0) return [1, unit];
   const found = PREFIXES.find(([factor]) => Math.abs(value) >= factor * (1 - 5e-4));
   const [factor, letter] = found ?? PREFIXES.at(-1)!;
   return [factor, letter + unit];
@@ -31,7 +32,7 @@ export function typed(value: number): string {
   return String(Number(value.toPrecision(4)));
 }
 
-function inUnit(value: number, unit: string, count: number): string {
+export function inUnit(value: number, unit: string, count: number): string {
   const [factor, label] = unitOf(value, unit);
   return `${digits(value / factor, count)} ${label}`;
 }

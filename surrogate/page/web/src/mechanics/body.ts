@@ -13,16 +13,23 @@ export interface Rows {
 export interface Surfaces {
   /** Forces of a unit pressure on a facet, of the positions of its points. */
   facet: Recording;
-  /** Points of every facet, and the number of its surface. */
+  /** Points of every facet, and the number of the load that presses it. */
   facets: Int32Array;
-  surfaces: Int32Array;
+  units: Int32Array;
 }
 
-/** The body of the page's mechanics, as `surrogate/page/body.py` writes it. */
-export interface Body {
+/** Places that cables run through, in their order. */
+export interface Cables {
+  /** Points of the body, with weights, whose sum each place is, with one that is fixed, in m. */
+  places: Rows;
+  fixed: Float64Array;
+  /** Number of the load of each place. */
+  units: Int32Array;
+}
+
+/** Elements of a body, or some of them. */
+export interface Elements {
   d: number;
-  /** Number of the points that are nodes of the mesh, the first ones. */
-  nodes: number;
   /** Of all points of the elements in m, (points, d). */
   coordinates: Float64Array;
   cells: Int32Array;
@@ -33,23 +40,30 @@ export interface Body {
   gradients: number[][];
   /** Of the quadrature points in m^d, (cells, points). */
   volumes: Float64Array;
-  /** Rounding errors: of Π in J; of ‖r‖ at rest in N, and per ‖u‖ in N/m. */
-  rounding: { energy: number; atRest: number; perDisplacement: number };
   /** Functions of a dilation θ that elements have in place of J: at the quadrature points, and their
    * numbers in every cell; whether cells share them. */
   dilation?: { shapes: number[][]; nodes: Int32Array; joined: boolean };
   /** Unit directions of fibres, (cells, families, d). */
   fibres?: Float64Array;
+}
+
+/** The body of the page's mechanics, as `surrogate/page/body.py` writes it. */
+export interface Body extends Elements {
+  /** Number of the points that are nodes of the mesh, the first ones. */
+  nodes: number;
+  /** Rounding errors: of Π in J; of ‖r‖ at rest in N, and per ‖u‖ in N/m. */
+  rounding: { energy: number; atRest: number; perDisplacement: number };
   /** Free unknowns: displacements, point · d + component, then θ and p. */
   order: Int32Array;
   surfaces?: Surfaces;
+  cables?: Cables;
   /** Nodes, with weights, whose mean each point between the nodes is at first. */
   between?: Rows;
   /** Nodes, with weights, whose forces reach each node by way of an embedded grid. */
   spread?: Rows;
 }
 
-/** Forces in N and pressures in Pa. */
+/** Forces in N, and amplitudes of the loads that follow the body in Pa or N. */
 export interface Loading {
   force: Float64Array;
   pressures: number[];

@@ -26,8 +26,11 @@ export interface Certificate {
   inverted: number;
   /** True if Newton's method contracts, so that the estimate is to be trusted. */
   settled: boolean;
-  /** The displacement that is left if the estimate is taken away, and its own estimated error; in m. */
-  corrected: { displacement: Float64Array; error: Float64Array } | null;
+  /**
+   * The displacement that is left if the estimate is taken away, and its own estimated error, in m;
+   * lengths and volumes there.
+   */
+  corrected: { displacement: Float64Array; error: Float64Array; quantities: number[] } | null;
 }
 
 /**
@@ -68,7 +71,8 @@ export async function certify(
       norm(r) <= atRest + perDisplacement * size ||
       last <= NEGLIGIBLE * size;
     if (tangent.stable && contracts) {
-      const corrected = { displacement: twice, error: further.map((value) => -value) };
+      const quantities = equilibrium.following.map((load) => load.quantity(twice));
+      const corrected = { displacement: twice, error: further.map((value) => -value), quantities };
       return { error: plus(predicted, twice, -1), inverted: 0, settled: true, corrected };
     }
     u = (equilibrium.pressure ? damped : searched)(equilibrium, f, u, step, tangent) ?? u;

@@ -4,18 +4,18 @@
  *   r(u) = f_int(u) − f − f_p(u),  Π(u) = E(u) − f·u,  δ(u) = −K(u)⁻¹ r(u)
  *
  * at the free degrees of freedom. Where K is not positive definite, K + τ K(0) takes its place,
- * with the first τ = 0.1 · 4^k that is sufficient. Under pressures there is no Π, and δ is always that
- * of K itself: iterations solve with it, by the factor of its symmetric part.
+ * with the first τ = 0.1 · 4^k that is sufficient. Under loads that follow the body there is no Π, and δ
+ * is always that of K itself: iterations solve with it, by the factor of its symmetric part without cables.
  */
 
-import { Pressure } from "./pressure";
+import { Following, followingLoads, type FollowingLoad } from "./following";
 import { Profile, type Factor } from "./profile";
 import type { Kind, Solid } from "./solid";
 import { dot, norm, plus } from "./vectors";
 
 const FIRST_SHIFT = 0.1;
 const SHIFT_GROWTH = 4;
-const ITERATIONS = 100; // with a tangent that is not symmetric
+const ITERATIONS = 100; // with a tangent that is not symmetric, or has cables
 const EXACT = 1e-14; // of the right side: what iterations leave
 
 /** What solves with K(u), or K(u) + τ K(0) where K(u) is not positive definite. */
@@ -25,8 +25,8 @@ export interface Tangent {
 }
 
 export class Equilibrium {
-  /** Pressures that follow the surface; null if there are none. */
-  pressure: Pressure | null = null;
+  /** Pressures and tensions, which follow the body; null if there are none. */
+  pressure: Following | null = null;
   /** Number of the displacements' components. */
   readonly size: number;
   private readonly profile: Profile;
@@ -35,6 +35,7 @@ export class Equilibrium {
   /** Number of the negative eigenvalues of tangents that are positive definite beside p. */
   private readonly negative: number;
   private undeformed: Factor | null = null;
+  private known: FollowingLoad[] | null = null;
 
   /** @param order - free unknowns in the order of the profile; by default those of the body */
   constructor(
@@ -57,11 +58,15 @@ export class Equilibrium {
     this.profile = new Profile(this.numbers, rows, order, this.size + 2 * this.negative);
   }
 
-  /** Set the pressures of the surfaces in Pa. */
-  under(pressures: readonly number[]): void {
-    const { d, coordinates, surfaces } = this.solid.body;
-    const acts = pressures.some((value) => value !== 0);
-    this.pressure = surfaces && acts ? new Pressure(d, coordinates, surfaces, pressures) : null;
+  /** Loads of unit amplitude that follow the body. */
+  get following(): readonly FollowingLoad[] {
+    return (this.known ??= followingLoads(this.solid.body));
+  }
+
+  /** Set their amplitudes in Pa or N. */
+  under(amplitudes: readonly number[]): void {
+    const acts = amplitudes.some((value) => value !== 0);
+    this.pressure = acts ? new Following(this.following, amplitudes) : null;
   }
 
   /** r(u) in N, zero at clamped nodes; NaN where a cell is inverted, or a number is not finite. */
@@ -145,7 +150,7 @@ export class Equilibrium {
   }
 
   /** K of a state under pressures: K x = (S + A) x, by iterations with S⁻¹. */
-  private underPressure(u: Float64Array, pressure: Pressure): Tangent {
+  private underPressure(u: Float64Array, pressure: Following): Tangent {
     const values = this.assembled(u);
     const skew: [Int32Array, Float64Array][] = [];
     pressure.tangents(u, (components, k) => {
@@ -158,7 +163,7 @@ export class Equilibrium {
     if (!factor) return { solve: this.solver(this.rest()), stable: false };
     const symmetric = this.solver(factor);
     const turned = (x: Float64Array): Float64Array => {
-      const found = new Float64Array(x.length);
+      const found = pressure.ofCables(u, x);
       for (const [components, k] of skew) {
         const n = components.length;
         const local = Float64Array.from(components, (i) => x[i]);

@@ -8,8 +8,8 @@
  */
 
 import type { Equilibrium } from "./equilibrium";
-import type { Slopes } from "./solid";
-import { combined, dot, largest, norm, plus, solve, times } from "./vectors";
+import { Galerkin, product } from "./galerkin";
+import { combined, dot, largest, norm, plus, solve } from "./vectors";
 
 const STEPS = 30; // of the search for the weights, at most
 const SMALL_STEP = 3e-3; // relative to the last term
@@ -58,14 +58,14 @@ export function weights(
   f: Float64Array,
 ): number[] {
   const n = terms.length;
-  const slopes = terms.map((term) => equilibrium.solid.slopes(term));
-  const weighted = slopes.map((h) => equilibrium.solid.weighted(h));
-  const squares = slopes.map((h, k) => h.reduce((sum, x, b) => sum + dot(x, weighted[k][b]), 0));
+  const galerkin = new Galerkin(equilibrium.solid, terms);
+  const { slopes, weighted } = galerkin;
+  const squares = slopes.map((h, k) => product(h, weighted[k]));
   let c = squares.map(() => 1);
   if (slopes[0].every((block) => largest(block) <= SMALL)) return c;
   const scale = squares.map((square) => (square + TINY) ** -0.5);
   for (let k = 1; k < n; k++) c[k] = c[k - 1] / (1 + (squares[k] / (squares[k - 1] + TINY)) ** 2);
-  const at = (c: number[]): Residual | null => residual(equilibrium, terms, slopes, weighted, f, c);
+  const at = (c: number[]): Residual | null => residual(equilibrium, terms, galerkin, f, c);
   let found = at(c);
   for (let step = 0; step < STEPS; step++) {
     if (!found) {
@@ -100,34 +100,22 @@ export function weights(
 
 /** u_k · r(Σ c u) and its derivative by c; null where cells are inverted. */
 function residual(
-  { solid, pressure }: Equilibrium,
+  { pressure }: Equilibrium,
   terms: readonly Float64Array[],
-  slopes: readonly Slopes[],
-  weighted: readonly Slopes[],
+  galerkin: Galerkin,
   f: Float64Array,
   c: readonly number[],
 ): Residual | null {
-  const n = c.length;
+  const n = terms.length;
   const u = combined(c, terms);
-  const blocks = slopes[0].map((_, b) => slopes.map((h) => h[b]));
-  solid.set(
-    0,
-    blocks.map((of) => combined(c, of)),
-  );
-  if (solid.inverted() > 0) return null;
+  const works = galerkin.works(c);
+  if (!works) return null;
   const acting = pressure ? plus(f, pressure.forces(u)) : f;
-  const g = Float64Array.from(terms, (term, k) => solid.work(0, weighted[k]) - dot(term, acting));
-  const matrix = new Float64Array(n * n);
-  slopes.forEach((direction, l) => {
-    solid.set(1, direction);
-    for (let k = 0; k <= l; k++) matrix[k * n + l] = matrix[l * n + k] = solid.work(1, weighted[k]);
-  });
-  pressure?.tangents(u, (components, block) => {
-    const local = terms.map((term) => Float64Array.from(components, (i) => term[i]));
-    local.forEach((change, l) => {
-      const product = times(block, change);
-      for (let k = 0; k < n; k++) matrix[k * n + l] += dot(local[k], product);
-    });
+  const g = works.map((work, k) => work - dot(terms[k], acting));
+  const matrix = galerkin.tangent();
+  terms.forEach((term, l) => {
+    const change = pressure?.forces(u, term);
+    for (let k = 0; k < n && change; k++) matrix[k * n + l] -= dot(terms[k], change);
   });
   return [...g, ...matrix].every(Number.isFinite) ? { g, matrix } : null;
 }

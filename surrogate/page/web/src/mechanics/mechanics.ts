@@ -1,9 +1,11 @@
 /** The page's side of its two workers: one answers at once, one may be long at an estimate. */
 
 import script from "worker-script";
+import type { Actuation } from "./actuated_modes";
 import type { Body, Loading } from "./body";
 import type { Certificate } from "./certificate";
-import type { Answers } from "./worker";
+import type { Target } from "./reach";
+import type { Actuated, Answers } from "./worker";
 
 /** A worker with a body of its own. */
 class Helper {
@@ -13,12 +15,12 @@ class Helper {
   private readonly waiting = new Map<number, (answer: never) => void>();
   private asked = 0;
 
-  constructor(body: Body) {
+  constructor(body: Body, actuation: Actuation | null = null) {
     this.worker.onmessage = ({ data }: MessageEvent<{ number: number; answer: never }>) => {
       this.waiting.get(data.number)!(data.answer);
       this.waiting.delete(data.number);
     };
-    void this.ask("body", body);
+    void this.ask("body", body, actuation);
   }
 
   ask<K extends keyof Answers>(
@@ -40,15 +42,21 @@ export class Mechanics {
   /**
    * @param responding - body of linear responses and series
    * @param body - of estimates; null for none
+   * @param actuation - of the actuators; null for none
    */
-  constructor(responding: Body, body: Body | null) {
-    this.responding = new Helper(responding);
+  constructor(responding: Body, body: Body | null, actuation: Actuation | null) {
+    this.responding = new Helper(responding, actuation);
     this.estimating = body && new Helper(body);
   }
 
   /** The load series in m, at all points, to some order. */
   series(loading: Loading, order: number): Promise<Float32Array> {
     return this.responding.ask("series", loading, order);
+  }
+
+  /** What actuators do beside loads, or on the way of a node to a target. */
+  actuated(loading: Loading, given: number[], target: Target | null): Promise<Actuated> {
+    return this.responding.ask("actuated", loading, given, target);
   }
 
   /** Responses in m to nodal forces in N. */

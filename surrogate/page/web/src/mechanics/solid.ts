@@ -9,10 +9,10 @@
  * state, order 1 its change along a direction, and a load series has more.
  */
 
-import type { Body } from "./body";
+import type { Body, Elements } from "./body";
 import { Profile, type Factor } from "./profile";
 import { Series, type Law } from "./recording";
-import { dot, solve } from "./vectors";
+import { solve } from "./vectors";
 
 const POINTS = 128; // of a block, about
 
@@ -30,7 +30,7 @@ interface Block {
   series: Series;
 }
 
-export class Solid {
+export class Solid<B extends Elements = Body> {
   /** Corners and quadrature points of a cell; rows of its matrix without θ and p. */
   readonly corners: number;
   readonly points: number;
@@ -41,7 +41,7 @@ export class Solid {
   private readonly gradients: Float64Array;
   private readonly mass: { profile: Profile; factor: Factor } | null = null;
 
-  constructor(readonly body: Body) {
+  constructor(readonly body: B) {
     const { d, gradients, dilation, parts } = body;
     this.size = gradients[0].length;
     this.corners = this.size / d;
@@ -154,16 +154,14 @@ export class Solid {
     });
   }
 
-  /** Σ_q A : w_q ∇u of the stress A of order k in Pa, in J. */
-  work(k: number, weighted: Slopes): number {
-    let total = 0;
-    this.blocks.forEach(({ law, series }, b) => {
-      for (let i = 0; i < this.body.d ** 2; i++) {
-        const block = weighted[b].subarray(i * series.n, (i + 1) * series.n);
-        total += dot(series.at(k, law.outputs[i]), block);
-      }
+  /** The stress P of order k in Pa of all blocks, as `slopes`. */
+  stress(k: number): Slopes {
+    const square = this.body.d ** 2;
+    return this.blocks.map(({ law, series }) => {
+      const found = new Float64Array(square * series.n);
+      for (let i = 0; i < square; i++) found.set(series.at(k, law.outputs[i]), i * series.n);
+      return found;
     });
-    return total;
   }
 
   /** Number of cells with J ≤ 0, or θ ≤ 0, or no number, at a point of the state. */

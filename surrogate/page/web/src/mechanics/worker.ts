@@ -1,21 +1,74 @@
-/** The worker: columns of K⁻¹ of loaded nodes, load series, and estimated errors of predictions. */
+/** The worker: columns of K⁻¹ of loaded nodes, load series, actuators, and estimated errors of predictions. */
 
+import { ActuatedModes, type Actuation } from "./actuated_modes";
 import type { Body, Loading } from "./body";
 import { certify, type Certificate } from "./certificate";
 import { Equilibrium } from "./equilibrium";
 import { loadSeries } from "./load_series";
 import { atPoints } from "./points_between";
+import { approach, type Target } from "./reach";
 import { Solid } from "./solid";
-import { gathered } from "./vectors";
+import { at, gathered, norm, plus } from "./vectors";
 
 let equilibrium: Equilibrium;
+let modes: ActuatedModes;
 let latest = 0;
+
+/** What actuators do. */
+export interface Actuated {
+  /** Of all points in m. */
+  displacement: Float32Array;
+  /** Amplitudes of all loads that follow the body in Pa or N, and lengths in m or volumes in m³. */
+  amplitudes: number[];
+  quantities: number[];
+  /** What is given of the actuators. */
+  given: number[];
+  /** Whether that is all that was asked for, and a search has come to its end. */
+  isWhole: boolean;
+  /** Distance in m of a node from its target. */
+  missed: number;
+}
 
 /** What the page asks for. */
 const answers = {
-  /** Become a body. */
-  body: (body: Body): void => {
+  /** Become a body, with actuators if there are some. */
+  body: (body: Body, actuation: Actuation | null): void => {
     equilibrium = new Equilibrium(new Solid(body));
+    if (!actuation) return;
+    modes = new ActuatedModes(actuation, equilibrium.following, equilibrium.size);
+  },
+
+  /** What actuators do beside forces and pressures; steps on the way of a node to a target. */
+  actuated: (
+    { force, pressures }: Loading,
+    given: readonly number[],
+    target: Target | null,
+  ): Actuated => {
+    const { coordinates, d } = equilibrium.solid.body;
+    const onAll = onPoints(force);
+    const work = modes.worksOf(onAll);
+    const left = force.some(Boolean)
+      ? modes.leftOut(equilibrium.linearResponse(onAll), work)
+      : new Float64Array(equilibrium.size);
+    const first = modes.first;
+    const all = modes.at.given.map((_, i) => (i < first ? (pressures[i] ?? 0) : given[i - first]));
+    let isWhole = modes.move(all, work) === 1;
+    let missed = 0;
+    if (target) {
+      const { node, place } = target;
+      const rest = plus(at(coordinates, node, d), at(left, node, d));
+      const way = plus(Float64Array.from(place), rest, -1);
+      isWhole = !isWhole || approach(modes, node, way, work);
+      missed = norm(plus(at(modes.displacement(), node, d), way, -1));
+    }
+    return {
+      displacement: Float32Array.from(plus(modes.displacement(), left)),
+      amplitudes: [...modes.at.amplitudes],
+      quantities: modes.quantities(),
+      given: [...modes.at.given.subarray(first)],
+      isWhole,
+      missed,
+    };
   },
 
   /** Responses in m to nodal forces in N. */

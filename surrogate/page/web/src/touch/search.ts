@@ -91,7 +91,7 @@ export class Search<T> {
     const force = Float64Array.from(parts.flatMap((part) => part.force.map((f) => f / stiffness)));
     const u = content.coordinates.map((_, i) => this.state.displacement?.[i] ?? 0);
     const others = loads.dead().filter((part) => !parts.includes(part));
-    const beside = JSON.stringify([stiffness, loads.pressures, others]);
+    const beside = JSON.stringify([stiffness, loads.pressures, loads.given, others]);
     if (last?.beside === beside) {
       this.body.learn(plus(force, last.force, -1), plus(u, last.u, -1));
     } else {

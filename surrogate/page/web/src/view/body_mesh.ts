@@ -28,7 +28,7 @@ export class BodyMesh {
   /** Positions of all nodes, with z = 0 in the plane. */
   readonly positions: Float32Array;
   private readonly rest: Float32Array;
-  private readonly nodes: BufferAttribute;
+  readonly nodes: BufferAttribute;
   private readonly cursor: Points;
   private readonly mesh: LineSegments;
 
@@ -144,15 +144,15 @@ function inOrder(nodes: Int32Array): number[] {
   return [...new Set(nodes)].sort((a, b) => a - b);
 }
 
-function dynamic(values: Float32Array): BufferAttribute {
+export function dynamic(values: Float32Array): BufferAttribute {
   return new BufferAttribute(values, 3).setUsage(DynamicDrawUsage);
 }
 
-function geometryOf(place: BufferAttribute, index: ArrayLike<number>): BufferGeometry {
+export function geometryOf(place: BufferAttribute, index: ArrayLike<number>): BufferGeometry {
   return new BufferGeometry().setAttribute("position", place).setIndex(Array.from(index));
 }
 
-function segments(
+export function segments(
   place: BufferAttribute,
   index: ArrayLike<number>,
   colour: number,
@@ -161,7 +161,7 @@ function segments(
   return new LineSegments(geometryOf(place, index), material({ colour, opacity }));
 }
 
-function discs(
+export function discs(
   place: BufferAttribute,
   index: ArrayLike<number>,
   size: number,

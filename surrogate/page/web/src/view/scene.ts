@@ -19,7 +19,8 @@ import {
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { COLOUR_FIELDS } from "../colours";
 import type { State } from "../state";
-import { ceiling } from "../units";
+import { ceiling, units } from "../units";
+import { DrawnActuators } from "./actuators";
 import { Arrows } from "./arrows";
 import { BodyMesh } from "./body_mesh";
 import { material } from "./materials";
@@ -44,6 +45,7 @@ export class Scene {
   private readonly camera: OrthographicCamera | PerspectiveCamera;
   private readonly controls: OrbitControls;
   private readonly arrows: Arrows;
+  private readonly actuators: DrawnActuators;
   /** The sphere that pushes the body, a disc in the plane. */
   private readonly ball: Mesh;
   private readonly raycaster = new Raycaster();
@@ -73,6 +75,7 @@ export class Scene {
     this.centre = box.getCenter(new Vector3());
     this.diagonal = this.extent.length();
     this.stiffness = Math.max(...content.largest) / (REACH * this.diagonal);
+    this.actuators = new DrawnActuators(content, this.body.nodes);
     this.arrows = new Arrows(state, overlay, 0.006 * this.diagonal);
     this.ball = new Mesh(
       content.d === 2 ? new CircleGeometry(1, 96) : new SphereGeometry(1, 48, 32),
@@ -80,7 +83,8 @@ export class Scene {
     );
     this.pickable =
       content.places ?? [...new Set(content.vertices)].filter((node) => !content.clamped[node]);
-    this.three.add(this.body.group, supportMarks(content), this.ball, this.arrows.group);
+    const { body, actuators, ball, arrows } = this;
+    this.three.add(body.group, actuators.group, supportMarks(content), ball, arrows.group);
 
     const isPlane = content.d === 2;
     const far = 50 * this.diagonal;
@@ -146,10 +150,11 @@ export class Scene {
     const { state, body } = this;
     const values = state.values();
     const most = values ? values.reduce((a, b) => Math.max(a, b), 0) : 0;
-    this.largest = most > 0 ? ceiling(most) : 1;
+    this.largest = most > units.negligible ? ceiling(most) : 1;
     body.move(state.displacement);
     body.colour(values, this.largest, COLOUR_FIELDS[state.field].palette);
     body.mark(state.node);
+    this.actuators.show(state);
     this.ball.visible = state.tool !== null;
     if (state.tool) {
       this.ball.position.fromArray([...state.tool.centre, 0]);
