@@ -33,7 +33,7 @@ def test_sliders_loads_and_targets(
     page, tip = open_page(tmp_path / "page.html"), model.geometry.tip
     numbers = page.page.locator("#actuators input[type=number]")
     expected = actuation.at(GIVEN)
-    size = np.linalg.norm(expected.displacement[tip])
+    size = float(np.linalg.norm(expected.displacement[tip]))
 
     for number, value in enumerate(GIVEN.values()):
         numbers.nth(number).fill(str(value))

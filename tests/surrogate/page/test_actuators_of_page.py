@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -14,7 +16,7 @@ from tests.surrogate.mechanics.statics.test_cables import pulled
 from tests.surrogate.page.actuated import chambered
 from tests.surrogate.page.page_in_node import PageInNode
 
-BODIES = {
+BODIES: dict[str, tuple[Callable[[], Body], tuple[float, float]]] = {
     "cables": (lambda: pulled("tetra", "incompressible"), (12.0, 4.0)),
     "pressure and tension": (chambered, (100.0, 30.0)),
     "volume and length": (lambda: chambered(("volume", "length")), (1.3, 2.6)),
@@ -40,7 +42,8 @@ def test_equilibria_and_derivatives(ask: PageInNode, name: str) -> None:
     of = ActuatedModes(model.reduced, works)
     start = Balanced(np.zeros(len(works)), np.zeros(2))
     expected = balanced(of, controls, start, 1e-11)
-    u = model.reduced.displacement(expected.state)
+    u, residual = model.reduced.displacement(expected.state), of.residual(*expected)
+    assert residual is not None
     moved = np.tensordot(moved_by(of, controls, expected), model.reduced.modes, 1)
     tip, rest = body.geometry.tip, [control.at_rest for control in controls]
     asked = {"kind": "actuated", "force": force}
@@ -57,7 +60,7 @@ def test_equilibria_and_derivatives(ask: PageInNode, name: str) -> None:
     for name, exact in {
         "displacement": u,
         "amplitudes": expected.amplitudes,
-        "quantities": of.residual(*expected).quantities,
+        "quantities": residual.quantities,
         "changes": moved,
     }.items():
         close = np.array(found[name]).reshape(exact.shape)
@@ -66,7 +69,7 @@ def test_equilibria_and_derivatives(ask: PageInNode, name: str) -> None:
     within = {each["name"]: (each["low"], each["high"]) for each in sliders(model)}
     reached = model.reach({",".join(map(str, x)): x + u[tip]}, within=within)
     units = np.abs(np.subtract(model.limits(within), rest)).max(axis=0)
-    values = np.array(list(reached.given.values()))
-    assert (np.abs(back["given"] - values) < 1e-2 * units).all()
+    wanted = np.array(list(reached.given.values()))
+    assert (np.abs(back["given"] - wanted) < 1e-2 * units).all()
     missed = np.array(back["displacement"]).reshape(u.shape)[tip] - u[tip]
     assert np.linalg.norm(missed) == pytest.approx(reached.missed, abs=1e-4)

@@ -144,7 +144,8 @@ export class Panel {
   /** What the actuators do, and whether they reach the target. */
   private updateActuators(): void {
     const { content, actuated, target } = this.state;
-    const { sliders, controls, size } = content.actuation ?? { sliders: [], controls: [], size: 0 };
+    if (!content.actuation) return;
+    const { sliders, controls, size } = content.actuation;
     document.querySelectorAll("#actuators p").forEach((reading, i) => {
       const at = controls.length - sliders.length + i;
       const values = [actuated?.amplitudes[at] ?? 0, actuated?.quantities[at] ?? controls[at].rest];
