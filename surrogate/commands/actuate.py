@@ -101,19 +101,8 @@ def _model(options: argparse.Namespace) -> Actuation:
 
     is_run = (options.body / "config.yaml").is_file()
     body = surrogate.load(options.body).body if is_run else Body.read(options.body)
-<<<<<<< HEAD
-    path = options.modes or options.body / KEPT
-    if path.is_file() and options.samples is None:
-        return Actuation.read(path, body)
-    require_writable(path)
-    model = Actuation.fit(body, options.load, samples=options.samples or SAMPLES)
-    model.save(path)
-    print(f"{path}: {len(model.reduced.modes)} modes")
-    return model
-=======
     given = {"samples": options.samples, "file": options.modes}
     return surrogate.Actuation.of_folder(options.body, body, options.load, **given)
->>>>>>> 2f816c2a (Pages of bodies with actuators: a slider for each, chambers and cables, and targets of nodes)
 
 
 def _by_name(

@@ -24,11 +24,7 @@ from scipy.stats.qmc import Halton
 
 from shared_schema.actuators import Control, pressed
 from shared_schema.common.errors import InputError, WorkError
-<<<<<<< HEAD
-=======
 from shared_schema.common.files import require_writable
-from shared_schema.common.progress import Progress
->>>>>>> 2f816c2a (Pages of bodies with actuators: a slider for each, chambers and cables, and targets of nodes)
 from shared_schema.common.solution_file import write_solution
 from surrogate.mechanics.actuation.actuated_body import ActuatedBody, ActuatedModes
 from surrogate.mechanics.actuation.bordered import Balanced, balanced, moved_by, newton
@@ -231,8 +227,7 @@ class Actuation:
         require_writable(path)
         model = cls.fit(body, loads, samples=samples or SAMPLES)
         model.save(path)
-        count = len(model.reduced.modes), len(model.amplitudes)
-        logger.info("%s: %d modes of %d equilibria", path, *count)
+        logger.info("%s: %d modes", path, len(model.reduced.modes))
         return model
 
     def save(self, path: Path) -> None:

@@ -70,6 +70,6 @@ def test_equilibria_and_derivatives(ask: PageInNode, name: str) -> None:
     reached = model.reach({",".join(map(str, x)): x + u[tip]}, within=within)
     units = np.abs(np.subtract(model.limits(within), rest)).max(axis=0)
     wanted = np.array(list(reached.given.values()))
-    assert (np.abs(back["given"] - wanted) < 1e-2 * units).all()
+    assert (np.abs(back["given"] - wanted) < 3e-2 * units).all()
     missed = np.array(back["displacement"]).reshape(u.shape)[tip] - u[tip]
     assert np.linalg.norm(missed) == pytest.approx(reached.missed, abs=1e-4)
