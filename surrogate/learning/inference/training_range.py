@@ -74,10 +74,13 @@ class TrainingRange:
         data = description.data
         if not description.run.learns:
             return cls.none(geometry)
+        loads = data.loads
+        if loads is not None and data.case.get("actuators"):  # of which some may be slack
+            loads = loads.model_copy(update={"fewest": 0})
         found = cls(
             data.info.force.max_abs,
             geometry.loadable,
-            data.loads,
+            loads,
             geometry.grid,
             PressedNodes.of(geometry, data.case),
             known_families(data.case),
