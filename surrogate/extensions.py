@@ -10,7 +10,6 @@ from typing import Any
 
 CONTRIB = {
     "pod": "surrogate.contrib.pod_model.PODModel",  # key `model`
-    "load_paths": "surrogate.contrib.sample_paths.along_load_paths",  # key `training.load_paths`
     "balance": "surrogate.contrib.balance",  # command
 }
 

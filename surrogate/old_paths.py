@@ -27,7 +27,6 @@ PLACES = (  # old and new package, and the rooms and modules that have moved
         "inference",
     ),
     ("surrogate.models", "surrogate.contrib", "pod_model"),
-    ("surrogate.training", "surrogate.contrib", "sample_paths"),
     ("surrogate.runs", "surrogate.runtime", "tensor_file"),
     ("surrogate.series", "surrogate.learning.data", "terms_on_grid"),
     ("surrogate.data", "surrogate.mechanics.body", "geometry elements_of_case"),

@@ -3,7 +3,6 @@
 =================================  ==============================================================
 `pod_model`, `pod`                 baselines: orthogonal modes with one of two
                                    `regressions`; key `model: pod`
-`sample_paths`                     samples along load paths; key `training.load_paths`
 `modal_fit`, `balance`             the cubature of an equilibrium in modes, and its command
 =================================  ==============================================================
 """

@@ -205,8 +205,7 @@ def is_out_of_memory(error: BaseException) -> bool:
     PASS,
     CALIBRATION,
     REFINEMENT,
-    PATHS,
-) = range(8)
+) = range(7)
 
 
 def stream(*numbers: int) -> int:

@@ -15,9 +15,7 @@ RECIPES = {
     "beam2d_any": f"{ANY_PLANE} reduced-mle-fast",
     "lshape2d_any": ANY_PLANE,
     "plate2d": "det-fast series",
-    "beam3d": (
-        "det-fast det-paper linear-fast reduced-1000 reduced-fast reduced-mle-fast reduced-vb-fast"
-    ),
+    "beam3d": "det-fast det-paper linear-fast reduced-fast reduced-mle-fast reduced-vb-fast",
     "beam3d_any": "series det-fast gp-fast modal-gp-fast reduced-fast reduced-vb-fast",
     "finger3d": "reduced-fast reduced-vb-fast",
 }

@@ -10,8 +10,6 @@ where a' is the mirror image of node a.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -90,24 +88,16 @@ def with_mirror_images(
     InputError
         If the body is not symmetric, or its grid is embedded.
     """
-    both = fields_with_mirror_images((samples.force, samples.displacement), geometry, axes, key)
-    return Samples(*both)
-
-
-def fields_with_mirror_images(
-    fields: Sequence[Tensor], geometry: Geometry, axes: tuple[str, ...], key: str
-) -> list[Tensor]:
-    """Add the mirror images of fields (N, d, nx, ny[, nz]), as `with_mirror_images` does."""
     if axes and not geometry.grid.points_are_nodes:
         raise InputError(
             f"{key} = {list(axes)}: the dataset's grid is embedded on its mesh, expected one whose "
             "points are nodes"
         )
-    both = list(fields)
+    both = [samples.force, samples.displacement]
     for axis in axes:
         image = mirror_images(geometry, axis, key)
         both = [_with_images(field, geometry, image, AXES.index(axis)) for field in both]
-    return both
+    return Samples(*both)
 
 
 def _with_images(field: Tensor, geometry: Geometry, image: NDArray[np.int64], axis: int) -> Tensor:

@@ -58,10 +58,6 @@ class TrainingConfig(SplitConfig, ABC):
     mirrors : tuple of {"x", "y", "z"}
         Axes about whose normal planes the body is symmetric, which is checked; the mirror images of
         the training samples are then training samples too.
-    load_paths : int
-        Number of load paths through every training sample, along which batches are drawn: the
-        sample's equilibrium to second order in a change of its load (`surrogate.mechanics
-        .load_path`). They are computed at the first training and kept beside the dataset.
     epochs : int
         Number of times that the training goes through all samples.
     batch_size : int
@@ -93,7 +89,6 @@ class TrainingConfig(SplitConfig, ABC):
     """
 
     mirrors: tuple[Literal["x", "y", "z"], ...] = Field((), max_length=3)
-    load_paths: int = Field(0, ge=0, le=1000)
     epochs: int = Field(600, gt=0, le=10**6)
     batch_size: int = Field(4, gt=0, le=10**6)
     optimiser: OptimiserConfig = OptimiserConfig()

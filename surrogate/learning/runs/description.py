@@ -205,13 +205,19 @@ class RunDescription(Frozen):
 
     @model_validator(mode="before")
     @classmethod
-    def _from_version_1(cls, content: Any) -> Any:
-        if not isinstance(content, Mapping) or "version" in content:
+    def _from_before(cls, content: Any) -> Any:
+        """Convert version 1; `training.load_paths` of earlier programs does not matter any more."""
+        if not isinstance(content, Mapping) or not isinstance(run := content.get("run"), Mapping):
             return content
-        run = content.get("run")
-        if not isinstance(run, Mapping) or (kind := kind_of(run)) is None:
+        if "version" not in content:
+            kind = kind_of(run)
+            return (
+                content if kind is None else {"version": 2, **content, "run": upgraded(run, kind)}
+            )
+        if not isinstance(training := run.get("training"), Mapping):
             return content
-        return {**content, "version": 2, "run": upgraded(run, kind)}
+        training = {key: value for key, value in training.items() if key != "load_paths"}
+        return {**content, "run": {**run, "training": training}}
 
 
 def describe(config: Model, dataset: Dataset, start_from: Origin | None = None) -> RunDescription:

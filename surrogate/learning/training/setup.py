@@ -17,7 +17,6 @@ import torch
 
 from shared_schema.common.bodies.equilibrium import size_warning
 from shared_schema.common.errors import InputError
-from surrogate.extensions import CONTRIB, at
 from surrogate.learning.data.body_check import BodyRecord, require_same_body
 from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.data.joined_dataset import read_dataset
@@ -162,7 +161,6 @@ def require_samples_as_they_are(config: Model) -> None:
     training = config.training
     for key, given in (
         ("mirrors", list(training.mirrors)),
-        ("load_paths", training.load_paths),
         ("samples_on", "disk" if training.samples_on == "disk" else ""),
     ):
         if given:
@@ -188,7 +186,7 @@ def make_trainer(
     ranks: Ranks = ALONE,
     start: WarmStart | None = None,
 ) -> Trainer:
-    """Build a network in training: mirrored samples, weights, load paths. Collective.
+    """Build a network in training: mirrored samples, weights.
 
     Raises
     ------
@@ -200,9 +198,6 @@ def make_trainer(
     needed = least_memory(config, dataset, len(split.train), ranks.count)
     require_device_memory(needed, f"config '{config.name}': {keys}: training", device)
     network = initial_network(config, dataset, split, start)
-    drawn = None
-    if config.training.load_paths:
-        drawn = at(CONTRIB["load_paths"])(config, dataset, split, ranks)
     lay_out(network, dataset.geometry.dimension, config.training.precision, device)
     if config.training.cuda_graphs and ranks.is_first and not can_capture(device, ranks.count):
         logger.warning(
@@ -215,7 +210,7 @@ def make_trainer(
     if compared.nodal is not None:
         rows = split.train_rows[: len(split.validation)]
         on_few = Reference.of(network, dataset, split.train[: len(rows)], rows)
-    return Trainer(config, network, split.train, split.validation, ranks, drawn, compared, on_few)
+    return Trainer(config, network, split.train, split.validation, ranks, compared, on_few)
 
 
 def least_memory(config: TrainedModel, dataset: Dataset, samples: int, processes: int = 1) -> int:

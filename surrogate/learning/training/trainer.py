@@ -51,8 +51,6 @@ class Trainer:
         Processes that train the network together.
     note : str
         Remark of the progress line: loss and validation error of the last epoch.
-    drawn : callable, optional
-        Makes of the store of the training samples one that draws other batches from them.
     compared, compared_train : Reference, optional
         What errors of the validation samples, and of as many training samples, are compared with;
         by default the samples themselves, on a grid of nodes.
@@ -63,7 +61,6 @@ class Trainer:
     train: Samples | SamplesOnDisk
     validation: Samples | SamplesOnDisk
     ranks: Ranks = ALONE
-    drawn: Callable[[SampleStore, FieldNetwork], SampleStore] | None = None
     compared: Reference | None = None
     compared_train: Reference | None = None
 
@@ -81,8 +78,6 @@ class Trainer:
                 self.posterior_std = GaussNewtonStd(self.network, len(self.train), training.errors)
         self.train_store = self._stored(self.train)
         self.validation_store = self._stored(self.validation)
-        if self.drawn is not None:
-            self.train_store = self.drawn(self.train_store, self.network)
         self.note = ""
         captures = training.cuda_graphs and can_capture(self.device, self.ranks.count)
         for bias in normalised_biases(self.network):

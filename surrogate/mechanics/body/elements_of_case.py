@@ -91,29 +91,6 @@ def loads_of_before(geometry: Geometry) -> str | None:
     )
 
 
-def require_linear_elements(case: Mapping[str, Any], what: str) -> None:
-    """Raise InputError unless a case has linear elements."""
-    element = element_of(case)
-    if element != "linear":
-        raise InputError(
-            f"key 'element' of the run's case = '{element}': {what} are for linear elements only"
-        )
-
-
-def require_nodes_alone(
-    case: Mapping[str, Any],
-    cell_type: str,
-    what: str,
-    instead: str = "full certificates and corrections are for all",
-) -> None:
-    """Raise InputError if the elements of a case have points between the nodes."""
-    if has_points_between(case, cell_type):
-        raise InputError(
-            f"key 'element' of the run's case = '{element_of(case)}': {what} are for elements "
-            f"without points between the nodes; {instead}"
-        )
-
-
 def require_known_elements(case: Mapping[str, Any]) -> None:
     """Raise InputError unless the learner computes the equilibria of a case's elements."""
     element = element_of(case)
