@@ -17,8 +17,8 @@ BEGINNING = """# Evidence
 
 What the two programs are required to do, the tests that hold it, and what was measured last, with
 the commit and the record. `python -m experiments evidence` makes this page from
-[`requirements.yaml`](../experiments/evidence/requirements.yaml) and the records; a test fails if a
-test or a number is missing. `make test-all` runs all tests.
+[`requirements.yaml`](../experiments/evidence/requirements.yaml) and the records; a test fails
+if one is missing.
 
 [A credibility file](credibility.md) uses this evidence for one context of use.
 """
@@ -40,7 +40,7 @@ def page(areas: tuple[Area, ...]) -> str:
 def link(test: str) -> str:
     """Link to the file of a test, with its name."""
     path, _, function = test.partition(SEPARATOR)
-    return f"[{function.removeprefix('test_').replace('_', ' ')}](../tests/{path})"
+    return f"[`{function}`](../tests/{path})"
 
 
 def write_page(path: Path = PAGE) -> None:

@@ -198,16 +198,14 @@ def appendix(records: Sequence[Record]) -> str:
         ("network", "loss", "parameters", "min", "runs"),
         ((*kind, minutes(of.values()), code(series(of))) for kind, of in alike.items()),
     )
-    datasets = {name: data for record in records for name, data in record.datasets.items()}
-    made = ", ".join(f"`{name}` ({data.samples})" for name, data in datasets.items())
     trainers = "; ".join(sorted({run.hardware for run in runs.values()}))
     machines = "; ".join(sorted({record.machine["hardware"] for record in records}))
     seeds = ", ".join(map(str, sorted({run.seed for run in runs.values()})))
     return (
-        f"## What was run\n\n{trained}\nDatasets and their samples: {made}. Trainings, of seed "
-        f"{seeds}, ran on {trainers}; studies on {machines}. Minutes of a training are its epochs "
-        "times the median time of one. Every record (`*.json` beside this page) has all tables, "
-        "configurations, epochs, digests and versions."
+        f"## What was run\n\n{trained}\nTrainings, of seed {seeds}, ran on {trainers}; studies on "
+        f"{machines}. Minutes of a training are its epochs times the median time of one. Every "
+        "record (`*.json` beside this page) has all tables, configurations, datasets, epochs, "
+        "digests and versions."
     )
 
 
