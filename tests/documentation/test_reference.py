@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
-
 from shared_schema.common.configuration_keys import Key
 from surrogate.command_line import _parser
 from surrogate.learning.models.kinds import kinds
@@ -21,18 +19,6 @@ def test_every_command_and_argument_is_described() -> None:
             assert action.dest == "help" or any(
                 word in page for word in (*action.option_strings, f"`{shown}`")
             )
-
-
-def test_examples_of_the_help_are_commands() -> None:
-    parser = _parser()
-    for command in commands_of(parser).values():
-        lines = (command.epilog or "").splitlines()[1:]
-        examples = [shlex.split(line.partition(" > ")[0]) for line in lines]
-        assert examples
-        for program, *arguments in examples:
-            assert program in ("surrogate", "datagen")
-            if program == "surrogate":
-                parser.parse_args(arguments)
 
 
 def test_every_key_is_described() -> None:

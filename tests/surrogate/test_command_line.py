@@ -137,18 +137,6 @@ def test_predict_with_standard_deviations(
     assert "std_epistemic" in (out / "u.vtu").read_text()
 
 
-def test_export_refusals(trained: Path, out: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    onnx = ["--format", "onnx", "--out", out / "model.onnx"]
-    cases: list[tuple[str, list[object]]] = [
-        ("no run there", [out / "nowhere", *onnx]),
-        ("expected a file name ending in .onnx", [trained, *onnx[:3], out / "model.pt2"]),
-        ("--passes 3: passes of this network do not differ", [trained, *onnx, "--passes", 3]),
-        ("--seed 3: expected beside passes", [trained, *onnx, "--seed", 3]),
-    ]
-    for part, arguments in cases:
-        assert_refused(["export", *arguments], part, out, capsys)
-
-
 def test_predict_warns_outside_training(
     trained: Path, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -230,24 +218,6 @@ def predict_code(run: Path, out: Path, *options: str) -> int:
     return main(["predict", str(run), *load, *options])
 
 
-@pytest.mark.parametrize(
-    ("options", "part"),
-    [
-        (("--level", "0.9"), "--level 0.9: expected beside certify='fast'"),
-    ],
-)
-def test_fast_certificate_refusals(
-    trained: Path,
-    out: Path,
-    capsys: pytest.CaptureFixture[str],
-    options: tuple[str, ...],
-    part: str,
-) -> None:
-    assert predict_code(trained, out, *options) == 2
-    assert part in capsys.readouterr().err
-    assert not (out / "u.npz").exists()
-
-
 def test_predict_and_correct(trained: Path, out: Path, capsys: pytest.CaptureFixture[str]) -> None:
     options = ("--correct", "--certify", "--tolerance", "1e-6")
     code, fields = predict_at_corner(trained, out, *options)
@@ -304,55 +274,60 @@ def test_damaged_data_is_refused(
     assert_refused(arguments, "shard-00000.h5", out, capsys)
 
 
-def test_evaluate_refusals(
+def test_refusals(
     trained: Path,
+    trained_bayes: Path,
+    evaluated: Path,
     data: Path,
     data_3d: Path,
-    tmp_path: Path,
     out: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    run = out / "run"
-    shutil.copytree(trained, run)
-    cases = [(out / "nowhere", data, "no run there"), (run, data_3d, "'block3d'")]
-    cases += [(run, tmp_path / "nowhere", "no such dataset")]
-    for folder, dataset, part in cases:
-        arguments = ["evaluate", folder, "--data", dataset, "--device", "cpu"]
+    nowhere, path, page = out / "nowhere", out / "u.npz", out / "a.html"
+
+    def predict(
+        *options: object, run: Path = trained, load: str = "3.5,1.5:0,1", to: Path = path
+    ) -> list[object]:
+        return ["predict", run, "--load", load, "--out", to, *options]
+
+    export = ["export", trained_bayes, "--format", "pt2", "--out", out / "a.pt2"]
+    onnx = ["--format", "onnx", "--out", out / "model.onnx"]
+    evaluate = ["evaluate", trained_bayes, "--data", data]
+    same = "3: passes of this network do not differ, expected one with probabilistic"
+    many, few = 10**12, "expected 1 at least"
+    cases: list[tuple[str, list[object]]] = [
+        ("no run there", ["export", nowhere, *onnx]),
+        ("expected a file name ending in .onnx", ["export", trained, *onnx[:3], out / "m.pt2"]),
+        ("--passes 3: passes of this network do", ["export", trained, *onnx, "--passes", 3]),
+        ("--seed 3: expected beside passes", ["export", trained, *onnx, "--seed", 3]),
+        (f"passes = {many}, {few}", [*export, "--passes", many]),
+        ("no run there", ["evaluate", nowhere, "--data", data]),
+        ("'block3d'", ["evaluate", trained, "--data", data_3d]),
+        ("no such dataset", ["evaluate", trained, "--data", nowhere]),
+        (f"passes = {many}, {few}", [*evaluate, "--passes", many]),
+        ("--conformal nan: ", [*evaluate, "--conformal", "nan"]),
+        ("no run there", predict(run=nowhere)),
+        ("expected X,Y:FX,FY", predict(load="3.5:0,1")),
+        ("finite", predict(load="3.5,1.5:0,nan")),
+        ("the nearest is at 3.5,1.5", predict(load="3.4,1.5:0,1")),
+        ("clamped", predict(load="0,1.5:0,1")),
+        (".npz, .vtu, .xdmf", predict(to=out / "u.stl")),
+        ("no such folder", predict(to=nowhere / "u.npz")),
+        (f"--passes {same}", predict("--passes", 3)),
+        (f"--seed {same}", predict("--seed", 3)),
+        ("--level 0.9: expected beside certify='fast'", predict("--level", 0.9)),
+        ("--tolerance 0.1: expected certify beside", predict("--correct", "--tolerance", 0.1)),
+        (f"passes = 0, {few}", predict("--passes", 0, run=trained_bayes)),
+        (f"passes = {many}, {few}", predict("--passes", many, run=trained_bayes)),
+        ("seed = -1, expected 0 at least", predict("--seed", -1, run=trained_bayes)),
+        (f"seed = {2**63}, expected 0 at", predict("--seed", 2**63, run=trained_bayes)),
+        ("no run there", ["report", nowhere, "--out", page]),
+        ("not evaluated yet", ["report", trained, "--out", page]),
+        ("no such folder", ["report", evaluated, "--out", nowhere / "a.html"]),
+        ("expected a nodal one", ["report", evaluated, "--nodal", data, "--out", page]),
+    ]
+    for part, arguments in cases:
         assert_refused(arguments, part, out, capsys)
-
-
-def test_predict_refusals(trained: Path, out: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    cases = [
-        (out / "nowhere", "3.5,1.5:0,1", out / "u.npz", "no run there"),
-        (trained, "3.5:0,1", out / "u.npz", "expected X,Y:FX,FY"),
-        (trained, "3.5,1.5:0,nan", out / "u.npz", "finite"),
-        (trained, "3.4,1.5:0,1", out / "u.npz", "the nearest is at 3.5,1.5"),
-        (trained, "0,1.5:0,1", out / "u.npz", "clamped"),
-        (trained, "3.5,1.5:0,1", out / "u.stl", ".npz, .vtu, .xdmf"),
-        (trained, "3.5,1.5:0,1", out / "nowhere" / "u.npz", "no such folder"),
-    ]
-    for run, load, path, part in cases:
-        assert_refused(["predict", run, "--load", load, "--out", path], part, out, capsys)
-    arguments = ["predict", trained, "--load", "3.5,1.5:0,1", "--out", out / "u.npz"]
-    for option in ("--passes", "--seed"):
-        part = f"{option} 3: passes of this network do not differ, expected one with probabilistic"
-        assert_refused([*arguments, option, 3], part, out, capsys)
-    part = "--tolerance 0.1: expected certify beside correct"
-    assert_refused([*arguments, "--correct", "--tolerance", 0.1], part, out, capsys)
-
-
-def test_report_refusals(
-    trained: Path, evaluated: Path, data: Path, out: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    page = out / "a.html"
-    cases: list[tuple[list[object], str]] = [
-        ([out / "nowhere", "--out", page], "no run there"),
-        ([trained, "--out", page], "not evaluated yet"),
-        ([evaluated, "--out", out / "nowhere" / "a.html"], "no such folder"),
-        ([evaluated, "--nodal", data, "--out", page], "expected a nodal one"),
-    ]
-    for arguments, part in cases:
-        assert_refused(["report", *arguments], part, out, capsys)
 
 
 @pytest.mark.parametrize("arguments", [[], ["fly"], ["train"], ["predict", "run"]])
@@ -411,24 +386,6 @@ def test_networks_larger_than_the_memory_are_refused(
     capsys.readouterr()
     assert main([str(a) for a in arguments]) == 2
     assert "GiB of memory at least, expected at most the " in capsys.readouterr().err
-
-
-def test_senseless_options_are_refused(
-    trained_bayes: Path, data: Path, out: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    predict = ["predict", trained_bayes, "--load", "3.5,1.5:0,1", "--out", out / "u.npz"]
-    export = ["export", trained_bayes, "--format", "pt2", "--out", out / "a.pt2"]
-    evaluate = ["evaluate", trained_bayes, "--data", data]
-    for part, arguments in (
-        ("passes = 0, expected 1 at least", [*predict, "--passes", 0]),
-        ("passes = 1000000000000, expected 1 at least", [*predict, "--passes", 10**12]),
-        ("seed = -1, expected 0 at least", [*predict, "--seed", -1]),
-        (f"seed = {2**63}, expected 0 at least", [*predict, "--seed", 2**63]),
-        ("passes = 1000000000000, expected 1 at least", [*export, "--passes", 10**12]),
-        ("passes = 1000000000000, expected 1 at least", [*evaluate, "--passes", 10**12]),
-        ("--conformal nan: ", [*evaluate, "--conformal", "nan"]),
-    ):
-        assert_refused(arguments, part, out, capsys)
 
 
 @pytest.mark.parametrize(

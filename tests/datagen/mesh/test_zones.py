@@ -18,10 +18,10 @@ from tests.datagen.mesh.test_mesh_file import CASE, SQUARE, volume
 from tests.datagen.refusal import refusal
 
 
-def organ(folder: Path, zones: dict[str, str], **keys: Any) -> RawMesh:
+def organ(folder: Path, zones: dict[str, str], size: float = 0.5, **keys: Any) -> RawMesh:
     """A cube of 2 m with zones, in cells of 0.25 m; all lengths of the files are in half metres."""
     surface_file(folder / "organ.stl", 4 * CUBE - 2)
-    wanted = MeshFile(kind="file", path="organ.stl", size=0.5, scale=0.5, zones=zones, **keys)
+    wanted = MeshFile(kind="file", path="organ.stl", size=size, scale=0.5, zones=zones, **keys)
     return wanted.found_from(folder).raw_mesh()
 
 
@@ -88,7 +88,7 @@ def test_what_is_no_zone(zones: dict[str, str], said: str, tmp_path: Path) -> No
     surface_file(tmp_path / "tiny.stl", 1e-3 * CUBE)
     surface_file(tmp_path / "open.stl", CUBE, FACES[1:])
     with pytest.raises(InputError, match=said):
-        organ(tmp_path, zones)
+        organ(tmp_path, zones, size=1.0)
 
 
 def test_zones_that_no_body_has(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

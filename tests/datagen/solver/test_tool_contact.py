@@ -45,7 +45,7 @@ TOOLS = [
     Capsule((0.0, 0.1, 0.2), (0.5, 0.4, -0.1), 0.2),
 ]
 RADIUS, DEPTH, YOUNG, POISSON = 20.0, 0.01, 1000.0, 0.3  # m and Pa; the contact's radius is 0.45 m
-SIZE, FIRST, EQUAL, CELLS = 60.0, 0.12, 4, 17  # m; equal cells of the first size, and all
+SIZE, FIRST, EQUAL, CELLS = 60.0, 0.12, 4, 15  # m; equal cells of the first size, and all
 DISC = "sphere:3,1.2:0.3"
 
 

@@ -85,7 +85,7 @@ def test_a_ball_in_a_ball(ending: str, finer: int, tmp_path: Path) -> None:
 def test_all_labels_and_some(tmp_path: Path) -> None:
     """Labels without names have their numbers; those left out are outside, here a cavity."""
     path = write_image(tmp_path / "organ.nii", balls().astype(np.float32), np.eye(3))
-    every = mesh_of(path)
+    every = mesh_of(path, size=5)
     assert sorted(every.cell_groups) == ["3", "7"]
     hollow = mesh_of(path, labels={"tissue": 3}, size=4)
     expected = (R - 1 / R) ** 3 - (SMALL + 1 / SMALL) ** 3
