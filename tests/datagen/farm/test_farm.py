@@ -89,11 +89,8 @@ def test_every_sample_is_in_one_shard(case: Case, serial: Path) -> None:
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("ranks", [2, pytest.param(3, marks=pytest.mark.slow)])
-def test_many_processes_make_what_one_makes(
-    case_file: Path, serial: Path, tmp_path: Path, ranks: int
-) -> None:
-    result = execute(ranks, case_file, tmp_path / "nodal")
+def test_many_processes_make_what_one_makes(case_file: Path, serial: Path, tmp_path: Path) -> None:
+    result = execute(3, case_file, tmp_path / "nodal")
     assert result.returncode == 0, result.stderr
     assert "120 samples solved, 0 failed" in result.stdout
     assert check_dataset(tmp_path / "nodal") == []
@@ -134,21 +131,6 @@ def test_killed_and_resumed_is_uninterrupted(tmp_path: Path, ranks: int) -> None
     assert_same(whole, killed)
 
 
-@pytest.mark.slow
-@pytest.mark.mpi
-def test_ranks_that_share_a_mesh_find_the_same(tmp_path: Path) -> None:
-    """One body distributed over two ranks, LU and MUMPS."""
-    assert_shared_is_alone(write_case(tmp_path, samples=16, shard_size=8), tmp_path)
-
-
-def assert_shared_is_alone(case_file: Path, folder: Path) -> None:
-    """Assert that two ranks that share every solve make what one process makes."""
-    run(read_case(case_file), folder / "alone", comm=MPI.COMM_SELF)
-    result = execute(2, case_file, folder / "shared", "--ranks-per-solve", "2")
-    assert result.returncode == 0, result.stderr
-    assert_near(folder / "alone", folder / "shared")
-
-
 @pytest.mark.mpi
 @pytest.mark.slow
 def test_ranks_that_share_a_multigrid_solve_find_the_same(tmp_path: Path) -> None:
@@ -158,7 +140,10 @@ def test_ranks_that_share_a_multigrid_solve_find_the_same(tmp_path: Path) -> Non
     content["dataset"] |= {"samples": 6, "shard_size": 3}
     case_file = tmp_path / "case.yaml"
     case_file.write_text(yaml.safe_dump(content))
-    assert_shared_is_alone(case_file, tmp_path)
+    run(read_case(case_file), tmp_path / "alone", comm=MPI.COMM_SELF)
+    result = execute(2, case_file, tmp_path / "shared", "--ranks-per-solve", "2")
+    assert result.returncode == 0, result.stderr
+    assert_near(tmp_path / "alone", tmp_path / "shared")
 
 
 @pytest.mark.mpi
