@@ -68,17 +68,25 @@ def tube(inner: float, outer: float, length: float, around: int = 32) -> DrawnBo
     return DrawnBody(x, np.stack(corners, axis=1), "hexahedron")
 
 
+def box(*shape: int) -> DrawnBody:
+    """Make a grid of so many nodes along each axis, 1 m apart."""
+    number = np.arange(int(np.prod(shape))).reshape(shape)
+    low, high = slice(None, -1), slice(1, None)
+    corners: list[Any] = [(low, low), (high, low), (high, high), (low, high)]
+    if len(shape) == 3:
+        corners = [(*corner, z) for z in (low, high) for corner in corners]
+    cells = np.stack([number[corner].ravel() for corner in corners], axis=1)
+    return DrawnBody(np.argwhere(number >= 0) * 1.0, cells, ("quad", "hexahedron")[len(shape) - 2])
+
+
 def ball(radius: float, n: int = 12) -> DrawnBody:
     """Make a ball of hexahedra, a cube of n cells a side pressed into its round shape."""
-    number = np.arange((n + 1) ** 3).reshape(n + 1, n + 1, n + 1)
-    cube = np.argwhere(number >= 0) * 2 / n - 1
+    whole = box(n + 1, n + 1, n + 1)
+    cube = whole.coordinates * 2 / n - 1
     largest = np.abs(cube).max(axis=1, keepdims=True)
     length = np.linalg.norm(cube, axis=1, keepdims=True)
     x = radius * cube * np.divide(largest, length, out=np.zeros_like(largest), where=length > 0)
-    low, high = slice(None, -1), slice(1, None)
-    square = ((low, low), (high, low), (high, high), (low, high))
-    cells = np.stack([number[(*s, z)].ravel() for z in (low, high) for s in square], axis=1)
-    return DrawnBody(x, cells, "hexahedron")
+    return DrawnBody(x, whole.cells, "hexahedron")
 
 
 def at_radius(body: DrawnBody, radius: float) -> np.ndarray:
@@ -158,10 +166,7 @@ def test_a_force_on_a_pressed_wall_keeps_its_arrow() -> None:
 
 def test_a_traction_in_the_plane_shades_its_edge() -> None:
     """Twenty loaded edges of a strip, its lower boundary."""
-    number = np.arange(21 * 3).reshape(21, 3)
-    corners = (number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:])
-    cells = np.stack([c.ravel() for c in corners], axis=1)
-    strip = DrawnBody(np.argwhere(number >= 0) * 0.1, cells, "quad")
+    strip = box(21, 3)
     force = np.where(strip.coordinates[:, [1]] == 0, (0.0, -1.0), 0.0)
     arrows, (band,), said = drawn(strip, force)
     assert len(arrows) == 2  # the arrow, and its text
@@ -217,32 +222,21 @@ def test_the_wall_behind_is_hidden() -> None:
 def test_lines_of_a_cavity_do_not_shine_through() -> None:
     """A box around a closed hole: the same lines as the box without it."""
     n = 6
-    number = np.arange((n + 1) ** 3).reshape(n + 1, n + 1, n + 1)
-    low, high = slice(None, -1), slice(1, None)
-    square = ((low, low), (high, low), (high, high), (low, high))
-    cells = np.stack([number[(*s, z)].ravel() for z in (low, high) for s in square], axis=1)
-    x = np.argwhere(number >= 0) / n
-    hole = (np.abs(x[cells].mean(axis=1) - 0.5) < 0.2).all(axis=1)
+    solid = box(n + 1, n + 1, n + 1)
+    x, cells = solid.coordinates, solid.cells
+    hole = (np.abs(x[cells].mean(axis=1) / n - 0.5) < 0.2).all(axis=1)
     hollow = DrawnBody(x, cells[~hole], "hexahedron")
     assert len(boundary_facets(hollow.cells, "hexahedron")) == 6 * n * n + 6 * 2 * 2
-    solid = DrawnBody(x, cells, "hexahedron")
     for part in ("mesh", "outline"):
         assert len(ends(hollow, part)) == len(ends(solid, part))
 
 
 def block(cell_type: str) -> DrawnBody:
-    plane = cell_type in ("quad", "triangle")
-    shape = (8, 4) if plane else (8, 4, 4)
-    number = np.arange(int(np.prod(shape))).reshape(shape)
-    low, high = slice(None, -1), slice(1, None)
-    corners: list[Any] = [(low, low), (high, low), (high, high), (low, high)]
-    if not plane:
-        corners = [(*corner, z) for z in (low, high) for corner in corners]
-    cells = np.stack([number[corner].ravel() for corner in corners], axis=1)
-    parts = {"triangle": HALVES, "tetra": SIXTHS}.get(cell_type)
+    whole = box(8, 4) if cell_type in ("quad", "triangle") else box(8, 4, 4)
+    parts, cells = {"triangle": HALVES, "tetra": SIXTHS}.get(cell_type), whole.cells
     if parts is not None:
         cells = np.concatenate([cells[:, part] for part in parts])
-    return DrawnBody(np.argwhere(number >= 0) * 0.5, cells, cell_type)
+    return DrawnBody(whole.coordinates * 0.5, cells, cell_type)
 
 
 CELL_TYPES = ["quad", "triangle", "hexahedron", "tetra"]
