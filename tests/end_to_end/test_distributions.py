@@ -1,13 +1,11 @@
-"""The wheels hold all that the packages need, and run without the sources."""
+"""The wheels hold all that the packages need; `test_pip_alone` installs and runs them."""
 
 from __future__ import annotations
 
 import json
-import os
 import re
 import shutil
 import subprocess
-import sys
 import tomllib
 import zipfile
 from pathlib import Path
@@ -60,32 +58,6 @@ def test_every_source_is_in_the_wheel(wheels: dict[str, Path], part: str) -> Non
         assert {"three", "onnxruntime-web"} <= names
         said = zipfile.ZipFile(wheels[part]).read(f"{BUNDLE}licences.txt").decode()
         assert all(name in said for name in names)
-
-
-@pytest.mark.slow
-def test_they_run_without_the_sources(wheels: dict[str, Path], tmp_path: Path) -> None:
-    """Lists, keys and a prediction, from another folder; dolfinx is not here."""
-    for wheel in wheels.values():
-        zipfile.ZipFile(wheel).extractall(tmp_path / "site")
-    environment = {**os.environ, "PYTHONPATH": str(tmp_path / "site")}
-
-    def run(*words: str) -> str:
-        done = subprocess.run(
-            [sys.executable, "-m", *words],
-            cwd=tmp_path,
-            env=environment,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert done.returncode == 0, done.stderr
-        return done.stdout
-
-    assert "beam2d_any" in run("datagen.command_line", "list")
-    assert "U-Net, 2 levels" in run("surrogate.command_line", "list")
-    load = ("--load", "0.088,0.01,0.008:0.1,0,0.1", "--nearest")  # of a network: compiles little
-    said = run("surrogate.command_line", "predict", "finger3d", *load, "--out", "u.npz")
-    assert "u.npz: largest displacement 13 mm at (0.088, 0, 0.007947) m; predicted" in said
 
 
 def test_versions_are_one() -> None:

@@ -135,6 +135,8 @@ def test_from_wheels_to_the_page_of_a_surface(tmp_path: Path) -> None:
     pip = ("python", "-m", "pip", "install", "-q", "--find-links", tmp_path / "dist")
     same = f"torch=={torch.__version__.partition('+')[0]}"  # a newer one would be gigabytes
     run(*pip, "solid-datagen[mesh]", "solid-surrogate", same)
+    for program in ("datagen", "surrogate"):
+        assert "beam2d_any" in run(program, "list")
     kidney(tmp_path / "kidney.stl")
     (tmp_path / "case.yaml").write_text(CASE, encoding="utf-8")
     run("datagen", "body", "case.yaml", "--out", "body")
