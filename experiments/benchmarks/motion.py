@@ -13,8 +13,9 @@ writes its record and its page.
 from __future__ import annotations
 
 import argparse
+import time
 from collections.abc import Iterator
-from functools import partial
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -24,16 +25,15 @@ import surrogate
 from experiments.benchmarks.benchmark import Results
 from experiments.benchmarks.directions import rounded
 from experiments.framework.report import table_of
-from experiments.framework.timing import timed
 from shared_schema.common import Parser
 from shared_schema.tools import Sphere, Tool
 from surrogate.mechanics.statics.load import Load
 
 Array = NDArray[np.float64]
-STEP, STEPS, EVERY = 1 / 60, 120, 6  # s; steps of a motion; steps of one certificate
+STEP, STEPS, EVERY = 1 / 60, 45, 9  # s; steps of a motion; steps of one certificate
 EXACT = 1e-9  # tolerance of converged steps
 MOTIONS = ("let go", "pulled", "hit")
-PERIOD = 1.0  # s, of a load
+PERIOD = 0.75  # s, of a load
 SPREAD = 0.5  # of the smallest side: radius within which it acts
 
 
@@ -67,29 +67,31 @@ class Motion:
 
     def given(self, number: int) -> tuple[Load | None, Tool | None]:
         """What acts at the end of a step."""
-        time = number * STEP
+        at = number * STEP
         if self.kind == "let go":
             return None, None
         if self.kind == "pulled":
-            return self.load.part(np.sin(2 * np.pi * time / PERIOD)), None
-        depth = 0.5 * self.side * np.sin(np.pi * min(time / PERIOD, 1.0))
+            return self.load.part(np.sin(2 * np.pi * at / PERIOD)), None
+        depth = 0.5 * self.side * np.sin(np.pi * min(at / PERIOD, 1.0))
         radius, centre = 0.3 * self.side, self.tip.copy()
         centre[0] -= radius
         centre[-1] = self.top + radius - depth
         return None, Sphere(tuple(centre), radius)
 
     def frames(self, tolerance: float, every: int = 0) -> Iterator[tuple[surrogate.Frame, float]]:
-        """Yield frames and the seconds that they take; every so many are certified."""
+        """Yield frames and the seconds of the processor; every so many are certified."""
         session = self.session(tolerance)
         for number in range(1, STEPS + 1):
             load, tool = self.given(number)
             certify = bool(every) and number % every == 0
-            yield timed(partial(session.step, STEP, load, tool=tool, certify=certify))
+            begun = time.process_time()
+            frame = session.step(STEP, load, tool=tool, certify=certify)
+            yield frame, time.process_time() - begun
 
 
 def compare(motion: Motion, tolerance: float) -> Results:
     """Results of one motion."""
-    list(motion.frames(tolerance))  # what is compiled and kept
+    list(islice(motion.frames(tolerance), 2))  # what is compiled and kept
     found = list(motion.frames(tolerance))
     exact = [frame.displacement for frame, _ in motion.frames(EXACT)]
     certified = [frame for frame, _ in motion.frames(tolerance, EVERY) if frame.certificate]
@@ -109,8 +111,7 @@ def compare(motion: Motion, tolerance: float) -> Results:
         "directions": rounded(directions.mean()),
         "error_of_a_step": rounded(np.median(of_steps)),
         "largest_error_of_a_step": rounded(of_steps.max()),
-        "off_after_a_second": rounded(off[: STEPS // 2].max() / size),
-        "off_after_two": rounded(off.max() / size),
+        "off": rounded(off.max() / size),
         "drift": rounded(last.drift / max(begin.kinetic + begin.strain, last.work, 1e-300)),
     }
 
@@ -134,8 +135,7 @@ def page(results: Results) -> str:
             "directions": "{directions:.2g}",
             "error of a step": "{error_of_a_step:.1e}",
             "largest": "{largest_error_of_a_step:.1e}",
-            "off within 1 s": "{off_after_a_second:.1e}",
-            "within 2 s": "{off_after_two:.1e}",
+            "off": "{off:.1e}",
             "drift": "{drift:.1e}",
         },
     )
@@ -145,7 +145,7 @@ def page(results: Results) -> str:
         f"{PERIOD:g} s: {STEPS} steps of {1e3 * STEP:.3g} ms, ρ∞ = 0.8. *Error of a step* is that "
         f"of every {EVERY}th one by its certificate, over the largest displacement then; *off* is "
         "the largest distance of a node from that of converged steps, over the largest "
-        "displacement of the motion. *Drift* of the energy is over what the body had at first, or "
+        "displacement of the motion. Times are those of the processor. *Drift* of the energy is over what the body had at first, or "
         f"has been given; the scheme takes some from fast vibrations.\n\n{rows}"
     )
 
