@@ -145,7 +145,8 @@ def page(results: Results) -> str:
         f"{PERIOD:g} s: {STEPS} steps of {1e3 * STEP:.3g} ms, ρ∞ = 0.8. *Error of a step* is that "
         f"of every {EVERY}th one by its certificate, over the largest displacement then; *off* is "
         "the largest distance of a node from that of converged steps, over the largest "
-        "displacement of the motion. Times are those of the processor. *Drift* of the energy is over what the body had at first, or "
+        "displacement of the motion. Times are those of the processor. *Drift* of the energy is "
+        "over what the body had at first, or "
         f"has been given; the scheme takes some from fast vibrations.\n\n{rows}"
     )
 
