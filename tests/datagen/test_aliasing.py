@@ -39,9 +39,18 @@ class World:
         return datagen.solve(self.case, "4,1:0,-0.5", stresses=True)
 
     @cached_property
+    def motion(self) -> datagen.MovedBody:
+        return moved("beam2d", np.zeros((64, 2)))
+
+    @cached_property
     def nodal(self) -> Path:
         datagen.run("beam2d", self.folder / "nodal", samples=2)
         return self.folder / "nodal"
+
+
+def moved(case: Any, force: Any) -> datagen.MovedBody:
+    """Two steps of the beam."""
+    return datagen.move(case, force, duration=0.1, step=0.05, changes=["material.density=1"])
 
 
 def arguments() -> Given:
@@ -81,6 +90,9 @@ CALLS: dict[str, Callable[[World, Given], Any]] = {
     "Solution.largest_displacement": lambda w, g: w.solution.largest_displacement,
     "Solution.plot": lambda w, g: w.solution.plot(),
     "Solution.save": lambda w, g: w.solution.save(w.folder / "u.npz"),
+    "move": lambda w, g: moved(g["content"], g["force"]).trajectory,
+    "MovedBody.largest_displacement": lambda w, g: w.motion.largest_displacement,
+    "MovedBody.save": lambda w, g: w.motion.save(w.folder / "moved.npz"),
     "read_case": lambda w, g: datagen.read_case(g["content"], changes=g["changes"]).plain(),
     "Case.digest": lambda w, g: w.case.digest(),
     "Case.loads": lambda w, g: w.case.loads,
