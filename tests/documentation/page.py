@@ -110,7 +110,8 @@ def _evaluate(example: Example) -> str | None:
     elif block.language == "sh":
         _shell(source, int((block.values("exit code") or ["0"])[0]))
     elif block.language == "python":
-        exec(compile("\n" * example.line + source, example.path, "exec"), example.namespace)
+        code = compile("\n" * example.line + source, example.path, "exec", dont_inherit=True)
+        exec(code, example.namespace)
     elif not block.values("merged into"):
         return f"'{block.language}' has no way to be run: expected a title, or 'not run: REASON'"
     return None

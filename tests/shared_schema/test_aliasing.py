@@ -147,6 +147,7 @@ CALLS: dict[str, Callable[[World, Given], Any]] = {
     ),
     "DatasetReader.has": lambda w, g: w.reader.has("samples/stable"),
     "DatasetReader.joined": lambda w, g: w.reader.joined(["samples/force", "failed/force"]),
+    "DatasetReader.require_equilibria": lambda w, g: w.reader.require_equilibria(),
     "DatasetReader.shard": lambda w, g: w.reader.shard(w.manifest.shards[0]),
     "DatasetReader.unstable": lambda w, g: w.reader.unstable(),
     "Grid.forces_to_grid": lambda w, g: w.grid.forces_to_grid(g["nodal"]),

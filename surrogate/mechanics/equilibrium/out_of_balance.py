@@ -24,7 +24,7 @@ from collections.abc import Callable
 from copy import copy
 from dataclasses import replace
 from functools import cached_property, partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
@@ -38,7 +38,6 @@ from shared_schema.materials import Materials, as_tuple
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.equilibrium import quadratic
 from surrogate.mechanics.equilibrium.following_loads import FollowingLoads
-from surrogate.mechanics.equilibrium.inertia import Inertia
 from surrogate.mechanics.equilibrium.newton_steps import NewtonSteps
 from surrogate.mechanics.equilibrium.tool_springs import ToolSprings
 from surrogate.mechanics.matrices.factors import Factor, SymmetricFactor, in_single_precision
@@ -47,6 +46,9 @@ from surrogate.mechanics.matrices.saddle_point import saddle_point_layout
 from surrogate.mechanics.solids.mixed_elements import MeanDilationSolid, TaylorHoodSolid
 from surrogate.mechanics.solids.solid import Solid
 from surrogate.runtime.time_limit import require_time
+
+if TYPE_CHECKING:
+    from surrogate.mechanics.equilibrium.inertia import Inertia
 
 Array = NDArray[np.float64]
 FIRST_SHIFT, SHIFT_GROWTH = 0.1, 4.0  # of τ
