@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from experiments.benchmarks.benchmark import Benchmark
 
 PROGRAMS = {  # in whose environment a benchmark is measured
+    "actuators": "surrogate",
     "certificates": "surrogate",
     "claims": "surrogate",
     "corrections": "datagen",

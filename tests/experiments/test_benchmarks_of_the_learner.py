@@ -129,7 +129,7 @@ def test_a_benchmark_is_recorded_and_published(
 
 def test_unknown_benchmark(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["benchmark", "nothing"]) == 2
-    assert "benchmark 'nothing': expected one of certificates," in capsys.readouterr().err
+    assert "benchmark 'nothing': expected one of actuators," in capsys.readouterr().err
 
 
 def test_list_names_all_experiments(capsys: pytest.CaptureFixture[str]) -> None:
