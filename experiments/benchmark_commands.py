@@ -37,6 +37,7 @@ PROGRAMS = {  # in whose environment a benchmark is measured
     "refined-liver": "surrogate",
     "sampling": "surrogate",
     "shapes": "surrogate",
+    "side-by-side": "surrogate",
     "tools": "surrogate",
     "trained": "surrogate",
     "training": "surrogate",
