@@ -20,6 +20,7 @@ PROGRAMS = {  # in whose environment a benchmark is measured
     "actuators": "surrogate",
     "certificates": "surrogate",
     "claims": "surrogate",
+    "control": "surrogate",
     "corrections": "datagen",
     "directions": "surrogate",
     "elements": "datagen",
