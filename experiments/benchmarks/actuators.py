@@ -8,7 +8,6 @@ writes its record and its page. Bodies and modes stay in the folder `--work`.
 from __future__ import annotations
 
 import argparse
-import subprocess
 import time
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.benchmarks.benchmark import Results
-from experiments.framework.machine import ROOT
+from experiments.framework.factory import factory
 from experiments.framework.report import markdown_table
 from shared_schema.common import Parser
 from surrogate import Actuation
@@ -32,7 +31,6 @@ ABOUT = (
     "then is, over the length of the body. Times are processor times, in the median and of the "
     "slowest in twenty; code is compiled, and every search begins at rest."
 )
-FACTORY = ROOT / ".venv-datagen" / "bin" / "datagen"
 WITHIN = 5e-3
 
 
@@ -48,7 +46,7 @@ def measured(name: str, options: argparse.Namespace) -> dict[str, Any]:
     work = options.work / name
     path = work / "actuation.safetensors"
     if not (work / "manifest.json").is_file():
-        factory("body", name, "--out", work)
+        factory("body", name, "--out", work, quiet=True)
     body = Body.read(work)
     if not path.is_file():
         Actuation.fit(body).save(path)
@@ -75,7 +73,7 @@ def measured(name: str, options: argparse.Namespace) -> dict[str, Any]:
         found = model.reach({place: target})
         columns["inverse_ms"].append(1e3 * (time.process_time() - began))
         values = [word for key, v in found.given.items() for word in ("--actuate", f"{key}={v!r}")]
-        factory("solve", name, *values, "--out", work / "found.npz")
+        factory("solve", name, *values, "--out", work / "found.npz", quiet=True)
         with np.load(work / "found.npz") as solution:
             reached = x[tip] + solution["displacement"][tip]
         columns["missed"].append(float(np.linalg.norm(reached - target)) / model.size)
@@ -97,11 +95,6 @@ def measured(name: str, options: argparse.Namespace) -> dict[str, Any]:
 def percentiles(values: NDArray[np.float64]) -> list[float]:
     """The median, and the slowest in twenty."""
     return [float(value) for value in np.percentile(values, (50, 95))]
-
-
-def factory(*words: str | Path) -> None:
-    """Run a command of `datagen`."""
-    subprocess.run([str(word) for word in (FACTORY, *words)], check=True, capture_output=True)
 
 
 def page(results: Results) -> str:

@@ -10,7 +10,6 @@ and its page.
 from __future__ import annotations
 
 import argparse
-import subprocess
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -22,6 +21,7 @@ from numpy.typing import NDArray
 
 import surrogate
 from experiments.benchmarks.benchmark import Results
+from experiments.framework.factory import factory
 from experiments.framework.machine import ROOT
 from experiments.framework.report import table_of
 from shared_schema.common import Parser
@@ -227,8 +227,7 @@ def settled(missed: Sequence[float]) -> int:
 
 def bodies(robot: Robot, work: Path) -> tuple[Body, Body]:
     """Make the body of a case, and that on another mesh."""
-    program, configs = ROOT / ".venv-datagen" / "bin" / "datagen", ROOT / "datagen" / "configs"
-    found = []
+    configs, found = ROOT / "datagen" / "configs", []
     for name, changes in ((robot.case, {}), (f"{robot.case}-plant", robot.changes)):
         folder = work / name
         if not folder.is_dir():
@@ -241,7 +240,7 @@ def bodies(robot: Robot, work: Path) -> tuple[Body, Body]:
             (scripts / robot.script).write_text(text)
             case = scripts / f"{robot.case}.yaml"
             case.write_text((configs / f"{robot.case}.yaml").read_text())
-            subprocess.run([program, "body", case, "--out", folder], check=True)
+            factory("body", case, "--out", folder)
         found.append(Body.read(folder))
     return found[0], found[1]
 

@@ -16,7 +16,6 @@ tell E and the same part of h, and predict a third load.
 from __future__ import annotations
 
 import argparse
-import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +24,7 @@ from scipy.interpolate import CubicSpline
 
 from experiments.benchmarks.benchmark import Results
 from experiments.benchmarks.silicone_beam import recordings
-from experiments.framework.machine import ROOT
+from experiments.framework.factory import factory
 from experiments.framework.report import markdown_table
 from shared_schema.common import Parser
 from shared_schema.points_in_cells import locate
@@ -34,7 +33,6 @@ from surrogate.mechanics import Body, Load, Markers, Series, identify
 Array = NDArray[np.float64]
 TITLE = "A measured beam"
 CASE = Path(__file__).parent / "silicone_beam" / "beam.yaml"
-FACTORY = ROOT / ".venv-datagen" / "bin" / "datagen"
 PUBLISHED = 263_824.0  # Pa, fitted by the authors of the recordings under 101 g
 FACTORS = (0.7, 0.85, 1.0, 1.2, 1.5)  # of that modulus, at which the factory solves
 WEIGHT = "0,0,-10496.7"  # N/m³: 1070 kg/m³ times 9.81 m/s²
@@ -70,7 +68,7 @@ def solved(force: float, factor: float, work: Path) -> Array:
     words += ["--set", f"material.young_modulus={factor * PUBLISHED}"]
     for load in hung(force):
         words += ["--load", load]
-    subprocess.run([str(word) for word in (FACTORY, *words)], check=True, capture_output=True)
+    factory(*words, quiet=True)
     mesh = Body.read(work / "body").geometry
     with np.load(out) as found:
         return at_feet(found["displacement"], (mesh.coordinates, mesh.cells, mesh.cell_type))
@@ -214,8 +212,7 @@ def measure(options: argparse.Namespace) -> Results:
     """Fit to each load, and predict the other."""
     work = options.work
     work.mkdir(parents=True, exist_ok=True)
-    words = [str(word) for word in (FACTORY, "body", CASE, "--out", work / "body")]
-    subprocess.run(words, check=True, capture_output=True)
+    factory("body", CASE, "--out", work / "body", quiet=True)
     body, moduli = Body.read(work / "body"), PUBLISHED * np.array(FACTORS)
     tips = {
         load: np.stack([solved(force, factor, work) for factor in FACTORS])

@@ -24,7 +24,7 @@ from experiments.benchmarks.benchmark import Results
 from experiments.framework.machine import ROOT
 from experiments.framework.report import markdown_table
 from shared_schema import DatasetReader
-from shared_schema.common import Parser
+from shared_schema.common import Parser, scatter_forces
 from tools.kidney import kidney
 
 TITLE = "A network for a new shape"
@@ -79,8 +79,7 @@ def measure(options: argparse.Namespace) -> Results:
     reader = DatasetReader(options.work / "fresh")
     arrays = reader.joined([f"samples/{name}" for name in names])
     nodes, force, truth = (arrays[f"samples/{name}"] for name in names)
-    forces = np.zeros_like(truth)
-    forces[np.arange(len(forces))[:, None], nodes] = force
+    forces = scatter_forces(nodes, force, truth.shape[1])
     network = surrogate.load(made / "network")
     before = time.perf_counter()
     network.prepare("surface")

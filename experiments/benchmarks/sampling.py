@@ -10,13 +10,13 @@ the folder `--work`.
 from __future__ import annotations
 
 import argparse
-import subprocess
 from pathlib import Path
 
 import numpy as np
 
 import surrogate
 from experiments.benchmarks.benchmark import Results
+from experiments.framework.factory import factory
 from experiments.framework.machine import ROOT
 from experiments.framework.report import markdown_table
 from shared_schema import DatasetReader
@@ -29,7 +29,6 @@ ABOUT = (
     "node, relative to the largest displacement. Those above 1e-8 are what the absolute tolerance "
     "of the case, 1e-8 N, leaves in the factory's; the learner goes on to 2e-9."
 )
-FACTORY = ROOT / ".venv-datagen" / "bin" / "datagen"
 FIRST = 8
 NAMES = ("number", "displacement", "loaded_nodes", "force", "wall_time")
 
@@ -39,7 +38,7 @@ def compared(case: str, count: int, work: Path) -> Results:
     body, theirs, ours = (work / case / name for name in ("body", "factory", "learner"))
     make = ["run", case, "--samples", count, "--out", theirs]
     for words in (["body", case, "--out", body], make):
-        subprocess.run([str(word) for word in (FACTORY, *words)], check=True)
+        factory(*words)
     for samples in (min(FIRST, count), count):
         surrogate.sample(body, ours, samples)
     arrays = []

@@ -10,7 +10,6 @@ the folder `--work`.
 from __future__ import annotations
 
 import argparse
-import subprocess
 import time
 from pathlib import Path
 
@@ -19,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import surrogate
 from experiments.benchmarks.benchmark import Results
+from experiments.framework.factory import factory
 from experiments.framework.machine import ROOT
 from experiments.framework.report import markdown_table
 from shared_schema import MANIFEST
@@ -34,7 +34,6 @@ ABOUT = (
     "prediction on a shape that is known; and that of the first one within the tolerance on a new "
     "shape, with the factor of its stiffness."
 )
-FACTORY = ROOT / ".venv-datagen" / "bin" / "datagen"
 CONFIGS = ROOT / "datagen" / "configs"
 COUNTS = {"plate2d_shapes": 2000, "finger3d_shapes": 400}
 TESTED = 100  # samples
@@ -77,11 +76,6 @@ def trained(name: str, work: Path) -> Path:
     config = surrogate.read_config("reduced-fast", changes=changes, data=row)
     surrogate.train(config, row, work / "reduced", device="cpu")
     return row
-
-
-def factory(*words: str | Path) -> None:
-    """Run a command of `datagen`."""
-    subprocess.run([str(word) for word in (FACTORY, *words)], check=True)
 
 
 def measured(name: str, work: Path, tolerance: float) -> Results:

@@ -20,10 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.benchmarks.benchmark import Results
-from experiments.framework.machine import ROOT
+from experiments.framework.factory import factory
 from experiments.framework.report import markdown_table
 from shared_schema import MANIFEST, DatasetReader
-from shared_schema.common import Parser
+from shared_schema.common import Parser, scatter_forces
 from surrogate.mechanics import Body, Load, Series
 from surrogate.mechanics.descent.aim import Aim
 
@@ -37,7 +37,6 @@ ABOUT = (
     "the mesh. The first answer has reading, compiling and factors in it; the others are the "
     "median of what follows. `surrogate` is here without a network, from the body alone."
 )
-FACTORY = ROOT / ".venv-datagen" / "bin" / "datagen"
 OTHERS = Path(__file__).parent / "others"
 PROGRAMS = {  # by its script: name, and what pip installs
     "by_felupe": ("FElupe", ("felupe==11.3.0", "tensortrax")),
@@ -63,9 +62,8 @@ def measure(options: argparse.Namespace) -> Results:
 def measured(case: str, work: Path, loads: int) -> list[dict[str, Any]]:
     """Measure all programs on one body."""
     folder = work / case
-    words = ("run", case, "--samples", str(loads), "--out", str(folder))
     if not (folder / MANIFEST).is_file():
-        subprocess.run([str(FACTORY), *words], check=True)
+        factory("run", case, "--samples", loads, "--out", folder)
     body, forces, truth = problem_of(folder)
     size = np.linalg.norm(truth, axis=2).max(axis=1)
 
@@ -92,9 +90,7 @@ def problem_of(folder: Path) -> tuple[Body, Array, Array]:
     names = ("loaded_nodes", "force", "displacement")
     arrays = DatasetReader(folder).joined([f"samples/{name}" for name in names])
     nodes, force, truth = (arrays[f"samples/{name}"] for name in names)
-    forces = np.zeros_like(truth)
-    np.add.at(forces, (np.arange(len(forces))[:, None], np.maximum(nodes, 0)), force)
-    return Body.read(folder), forces, truth
+    return Body.read(folder), scatter_forces(nodes, force, truth.shape[1]), truth
 
 
 def ours(folder: Path, forces: Array, aim: float | None) -> tuple[Array, Array]:
