@@ -4,10 +4,9 @@ The displacement under actuators is nearly that of a few modes, those of equilib
 amplitudes (`Actuation.fit`). The equilibrium in these modes
 (`surrogate.mechanics.actuation.reduced_body`) takes any tensions, lengths, pressures, volumes and
 amounts of gas, and dead loads that the modes know. It starts from polynomials of the amplitudes
-(`surrogate.mechanics.actuation.response_surface`): of the equilibria in modes under sampled
-amplitudes, their derivatives, and the tangents there. With the tangent of an equilibrium nearby,
-Newton's method goes further than with that of the state, where slender bodies are stretched by
-what is wrong with it (Magisano, Leonetti and Garcea 2017).
+(`surrogate.mechanics.actuation.nearby_states`). With the tangent of an equilibrium nearby, Newton's
+method goes further than with that of the state, where slender bodies are stretched by what is wrong
+with it (Magisano, Leonetti and Garcea 2017).
 """
 
 from __future__ import annotations
@@ -20,25 +19,24 @@ from pathlib import Path
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy.stats.qmc import Halton
 
-from shared_schema.actuators import Control, pressed
-from shared_schema.common.errors import InputError, WorkError
+from shared_schema.actuators import Control
+from shared_schema.common.errors import InputError
 from shared_schema.common.files import require_writable
 from shared_schema.common.solution_file import write_solution
 from surrogate.mechanics.actuation.actuated_body import ActuatedBody, ActuatedModes
-from surrogate.mechanics.actuation.bordered import Balanced, balanced, moved_by, newton
+from surrogate.mechanics.actuation.bordered import Balanced, balanced, moved_by
+from surrogate.mechanics.actuation.nearby_states import NearbyStates
 from surrogate.mechanics.actuation.reduced_body import (
     CellSample,
     ReducedBody,
     modes_of,
     sampled_cells,
 )
-from surrogate.mechanics.actuation.response_surface import ResponseSurface, points_of
+from surrogate.mechanics.actuation.response_surface import ResponseSurface
 from surrogate.mechanics.actuation.sampled_states import actuators_of, sampled_states
 from surrogate.mechanics.actuation.targets import Search, Values, targets_of
 from surrogate.mechanics.body.geometry import Geometry
-from surrogate.mechanics.equilibrium.halved_steps import halved_steps
 from surrogate.mechanics.statics.body import Body
 from surrogate.mechanics.statics.load import Load
 from surrogate.runtime.tensor_file import load_tensors, serialised
@@ -50,8 +48,6 @@ SAMPLES, SEED = 128, 0
 CONFIRMED = 1e-8  # of that of the finite elements
 EFFORT = 1e-3  # ε of `surrogate.mechanics.actuation.targets`
 IN_MODES = 1e-3  # of the last step of Newton's method there
-IN_BALANCE = 1e-7  # of those that the polynomials are fitted to
-DEGREE = 3  # of the polynomials of tangents
 Given = Mapping[str, float] | Sequence[str]
 
 
@@ -131,15 +127,9 @@ class Actuation:
         With actuators.
     modes : array, (n_modes, n_points, d)
     sample : CellSample
-    box : array, (2, n_actuators)
-        Smallest and largest amplitudes in Pa or N that the polynomials are fitted to; they are not
-        continued beyond.
     coefficients : array, (n_states, n_modes)
         Of the states that the modes come from.
-    states : ResponseSurface
-        Coefficients of the modes, of the amplitudes over the largest ones.
-    tangents : ResponseSurface
-        Upper halves of the tangents of the internal forces there, in J.
+    nearby : NearbyStates
     """
 
     def __init__(
@@ -147,15 +137,12 @@ class Actuation:
         body: Body,
         modes: Array,
         sample: CellSample,
-        box: Array,
         coefficients: Array,
-        states: ResponseSurface,
-        tangents: ResponseSurface,
+        nearby: NearbyStates,
     ) -> None:
         self.body, self.sample, self.actuators = body, sample, actuators_of(body)
         self.reduced = ReducedBody(body.equilibrium, self.actuators.loads, modes, sample)
-        self.box, self.unit, self.coefficients = box, unit_of(box), coefficients
-        self.states, self.tangents = states, tangents
+        self.coefficients, self.nearby = coefficients, nearby
 
     @classmethod
     def fit(
@@ -194,9 +181,8 @@ class Actuation:
         reduced = ReducedBody(body.equilibrium, units, modes, sample)
         (dead,) = body.equilibrium.forces_at_points(Load.of(body.geometry).dead[None])
         in_modes = ActuatedModes(reduced, reduced.works_of(dead), measures=False)
-        box = np.array([amplitudes.min(axis=0), amplitudes.max(axis=0)])
-        surfaces = fitted_surfaces(in_modes, coefficients, amplitudes, box)
-        return cls(body, modes, sample, box, coefficients, *surfaces)
+        nearby = NearbyStates.fit(in_modes, coefficients, amplitudes)
+        return cls(body, modes, sample, coefficients, nearby)
 
     @classmethod
     def of_folder(
@@ -236,10 +222,10 @@ class Actuation:
             "modes": self.reduced.modes,
             "cells": self.sample.cells,
             "weights": self.sample.weights,
-            "box": self.box,
+            "box": self.nearby.box,
             "coefficients": self.coefficients,
-            "states": self.states.coefficients,
-            "tangents": self.tangents.coefficients,
+            "states": self.nearby.states.coefficients,
+            "tangents": self.nearby.tangents.coefficients,
         }
         tensors = {name: torch.from_numpy(np.ascontiguousarray(a)) for name, a in arrays.items()}
         path.write_bytes(serialised(tensors))
@@ -254,10 +240,8 @@ class Actuation:
             modes, box, expected = arrays["modes"], arrays["box"], body.equilibrium.free.shape
             if modes.shape[1:] != expected or box.shape != (2, len(actuators_of(body))):
                 raise ValueError(f"modes of shape {modes.shape[1:]}, expected {expected}")
-            surfaces = [
-                ResponseSurface(box.shape[1], arrays[key]) for key in ("states", "tangents")
-            ]
-            return cls(body, modes, sample, box, arrays["coefficients"], *surfaces)
+            both = (ResponseSurface(box.shape[1], arrays[key]) for key in ("states", "tangents"))
+            return cls(body, modes, sample, arrays["coefficients"], NearbyStates(box, *both))
         except (KeyError, ValueError) as error:
             raise InputError(f"{path}: no actuation of this body ({error})") from None
 
@@ -386,12 +370,12 @@ class Actuation:
     ) -> Balanced:
         """The equilibrium in modes; WorkError if there is none."""
         first = self.near(controls)
-        body = ActuatedModes(self.reduced, work, first is None, self._tangent)
+        body = ActuatedModes(self.reduced, work, first is None, self.nearby.tangent)
         if first is None:
             at_rest = Balanced(np.zeros(len(self.reduced.modes)), np.zeros(len(controls)))
             first = at_rest if start is None else start
         elif start is not None:
-            state = start.state + first.state - self._first(start.amplitudes)
+            state = start.state + first.state - self.nearby.state(start.amplitudes)
             first = first._replace(state=state)
         return balanced(body, controls, first, IN_MODES)
 
@@ -400,7 +384,7 @@ class Actuation:
         if not all(control.gives_amplitude for control in controls):
             return None
         amplitudes = np.array([control.value for control in controls])
-        return Balanced(self._first(amplitudes), amplitudes)
+        return Balanced(self.nearby.state(amplitudes), amplitudes)
 
     def changes(self, controls: Sequence[Control], state: Balanced, work: Array) -> Array:
         """Derivatives of a state by what is given, (n_actuators, n_modes)."""
@@ -408,21 +392,9 @@ class Actuation:
 
     def changes_near(self, controls: Sequence[Control], state: Balanced, work: Array) -> Array:
         """Nearly these, of the polynomials where they tell them."""
-        if self.near(controls) is None:
+        if not all(control.gives_amplitude for control in controls):
             return self.changes(controls, state, work)
-        return self.states.slopes(self._inside(state.amplitudes)) / self.unit[:, None]
-
-    def _first(self, amplitudes: Array) -> Array:
-        """Coefficients of a first state under some amplitudes: (n_actuators,) → (n_modes,)."""
-        return self.states.at(self._inside(amplitudes))
-
-    def _tangent(self, amplitudes: Array) -> Array:
-        """The tangent of the internal forces there, (n_modes, n_modes) in J."""
-        return unpacked(self.tangents.at(self._inside(amplitudes)))
-
-    def _inside(self, amplitudes: Array) -> Array:
-        """Variables of the polynomials, (n_actuators,)."""
-        return np.asarray(np.clip(amplitudes, *self.box) / self.unit)
+        return self.nearby.slopes(state.amplitudes)
 
     def _result(self, controls: Sequence[Control], state: Balanced) -> ActuatedState:
         return ActuatedState(
@@ -432,73 +404,3 @@ class Actuation:
             dict(zip(self.names, state.amplitudes.tolist(), strict=True)),
             state,
         )
-
-
-def fitted_surfaces(
-    body: ActuatedModes, coefficients: Array, amplitudes: Array, box: Array
-) -> tuple[ResponseSurface, ResponseSurface]:
-    """Polynomials of equilibria in modes, and of the tangents of the internal forces there.
-
-    Parameters
-    ----------
-    body : ActuatedModes
-        Under the dead load of the case.
-    coefficients : array, (n_states, n_modes)
-        Of states under any dead load.
-    amplitudes : array, (n_states, n_actuators)
-        Under which they are.
-    box : array, (2, n_actuators)
-        Smallest and largest amplitudes.
-    """
-    at, states, slopes, unit = [], [], [], unit_of(box)
-    for q, a in zip(coefficients, amplitudes, strict=True):
-        try:
-            state = unloaded(body, Balanced(q, a))
-        except WorkError:
-            continue
-        k = body.body.tangent(state) - body.body.following_slopes(state, a)
-        at.append(a / unit)
-        states.append(state)
-        slopes.append(unit[:, None] * np.linalg.solve(k, body.body.following(state).T).T)
-    if len(at) < 2:
-        raise WorkError("no equilibria in modes, expected some")
-    x = np.array(at)
-    surface = ResponseSurface.fit(x, np.array(states), np.array(slopes))
-    (low, high), count = box / unit, points_of(len(unit), DEGREE)
-    places = low + (high - low) * Halton(len(unit), seed=0).random(count)
-    tangents = np.array([packed(body.body.tangent(surface.at(place))) for place in places])
-    return surface, ResponseSurface.fit(places, tangents, highest=DEGREE)
-
-
-def unit_of(box: Array) -> Array:
-    """Largest sizes of amplitudes, (n_actuators,)."""
-    return np.asarray(np.maximum(np.abs(box).max(axis=0), 1e-300))
-
-
-def packed(symmetric: Array) -> Array:
-    """The upper half of a matrix, (m, m) → (m (m + 1) / 2,)."""
-    return np.asarray(symmetric[np.triu_indices(len(symmetric))])
-
-
-def unpacked(half: Array) -> Array:
-    """The matrix of an upper half."""
-    size = int(np.sqrt(2 * len(half)))
-    whole = np.zeros((size, size))
-    whole[np.triu_indices(size)] = half
-    return whole + np.triu(whole, 1).T
-
-
-def unloaded(body: ActuatedModes, start: Balanced) -> Array:
-    """Take away what holds a state beside the body's load; WorkError where none is left."""
-    residual, controls = body.residual(*start), pressed(start.amplitudes)
-    if residual is None:
-        raise WorkError("a cell is inverted")
-
-    def go(share: float, last: Balanced) -> Balanced:
-        held = replace(body, work=body.work + (1 - share) * residual.forces)
-        found = newton(held, controls, 1.0, last, IN_BALANCE)
-        if found is None:
-            raise WorkError("no equilibrium")
-        return found
-
-    return halved_steps(go, start, "no equilibrium in modes beyond {:.0%}").state
