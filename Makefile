@@ -207,7 +207,7 @@ $(BUNDLE): $(WEB)/node_modules/.package-lock.json $(WEB)/bundle.mjs $(shell find
 	.venv-datagen/bin/pip install -q --no-deps -e shared_schema -e datagen
 	touch $@
 
-# For the tests of `datagen export --format plaid`; without pyplaid for this Python they are skipped.
+# For the tests of `datagen export --format plaid` and `datagen publish`; without pyplaid for this Python they are skipped.
 .venv-plaid/.installed: | debian-packages
 	rm -rf .venv-plaid
 	$(DEBIAN_PYTHON) -m venv .venv-plaid

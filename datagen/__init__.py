@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from datagen.cases.case import Case, read_case, shipped_cases
     from datagen.cases.case_schema import case_keys, case_schema
     from datagen.contrib.plaid.exporting import export_plaid
+    from datagen.contrib.publishing.publishing import publish
     from datagen.farm.body_dataset import body
     from datagen.farm.farm import run
     from datagen.mesh.repair import repair
@@ -51,6 +52,7 @@ __all__ = [
     "info",
     "move",
     "plot",
+    "publish",
     "read_case",
     "repair",
     "run",

@@ -18,6 +18,7 @@ os.environ["PETSC_OPTIONS"] = f"{os.environ.get('PETSC_OPTIONS', '')} -no_signal
 
 from datagen.commands.export import add_export
 from datagen.commands.make import add_body, add_noise, add_repair, add_run, add_structure
+from datagen.commands.publish import add_publish
 from datagen.commands.show import add_check, add_info, add_list, add_plot, add_schema
 from datagen.commands.solve import add_solve
 from datagen.needed import solvers_named
@@ -26,7 +27,7 @@ from shared_schema.common.errors import FAILED, InputError, StoppedError
 
 COMMANDS = (
     *(add_body, add_run, add_structure, add_noise, add_solve, add_check, add_repair),
-    *(add_info, add_plot, add_export, add_list, add_schema),
+    *(add_info, add_plot, add_export, add_publish, add_list, add_schema),
 )
 
 

@@ -112,7 +112,7 @@ CALLS: dict[str, Callable[[World, Given], Any]] = {
     "case_schema": lambda w, g: datagen.case_schema(),
     "shipped_cases": lambda w, g: datagen.shipped_cases(),
 }
-NO_ARRAYS = {"export_plaid", "repair"}  # given paths and texts, of files alone
+NO_ARRAYS = {"export_plaid", "publish", "repair"}  # given paths and texts, of files alone
 
 
 @pytest.fixture(scope="module")

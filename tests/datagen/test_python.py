@@ -121,6 +121,7 @@ def test_an_empty_path_is_not_the_working_directory(
         lambda: datagen.export("", out),
         lambda: datagen.export_plaid(nodal, ""),
         lambda: datagen.export_plaid("", out),
+        lambda: datagen.publish(nodal, "", license="mit"),
         lambda: datagen.plot(nodal, ""),
         lambda: datagen.plot("", out),
         lambda: datagen.info(""),

@@ -15,10 +15,11 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from datagen.transforms.reindexing import nodal_forces_of, split_of
 from shared_schema.common.arguments import checked_arguments
-from shared_schema.common.bodies.shape_family import TERMS
+from shared_schema.common.bodies.shape_family import ShapeFamily
 from shared_schema.common.configuration import validate
 from shared_schema.common.errors import InputError, WorkError
 from shared_schema.dataset_reader import DatasetReader
@@ -32,8 +33,10 @@ ELEMENTS = {  # meshio's names and CGNS's, with the same order of corners
     "tetra": "TETRA_4",
     "hexahedron": "HEXA_8",
 }
-NOT_CARRIED = ("mesh/held", "mesh/material", "mesh/fibres", "mesh/pressed", TERMS)
+NOT_CARRIED = ("mesh/held", "mesh/material", "mesh/fibres", "mesh/pressed")
+SCRIPT = Path(__file__).with_name("write_plaid.py")
 Backend = Literal["hf_datasets", "cgns", "zarr"]
+Splits = dict[str, NDArray[np.int64]]
 CASE = "Case: "  # before the case as JSON, in the last line of the description
 
 
@@ -68,15 +71,14 @@ def require_interpreter(python: Path | str | None) -> str:
     return str(python)
 
 
-def run_script(python: str, name: str, *arguments: Path | str) -> None:
-    """Run a script of this package, which imports pyplaid and nothing of this project.
+def run_script(python: str, script: Path, *arguments: Path) -> None:
+    """Run a script that imports pyplaid, or what it brings, and nothing of this project.
 
     Raises
     ------
     WorkError
         If it ends with an error.
     """
-    script = Path(__file__).with_name(name)
     done = subprocess.run(
         [python, "-I", str(script), *map(str, arguments)],
         stdin=subprocess.DEVNULL,
@@ -136,6 +138,25 @@ def export_plaid(
     if out.exists():
         raise InputError(f"--out '{out}': exists, expected a new folder")
     interpreter = require_interpreter(python)
+    reader = carried(folder)
+    splits = splits_of(reader.manifest)
+    with tempfile.TemporaryDirectory(dir=out.parent, prefix=".partial-") as scratch:
+        arrays, made = Path(scratch, "arrays"), Path(scratch, out.name)
+        write_arrays(reader, arrays)
+        write_about(reader, arrays, splits, backend=backend, owner=owner, license=license)
+        run_script(interpreter, SCRIPT, arrays, made)
+        made.rename(out)
+    return len(splits["train"]), len(splits["test"])
+
+
+def carried(folder: Path) -> DatasetReader:
+    """Read a nodal dataset that the format can carry.
+
+    Raises
+    ------
+    InputError
+        As `export_plaid`.
+    """
     reader = DatasetReader(folder, "nodal")
     reader.require_equilibria()
     manifest = reader.manifest
@@ -146,32 +167,33 @@ def export_plaid(
     left_out += ["actuators"] if manifest.case.get("actuators") else []
     if left_out:
         raise InputError(
-            f"{folder}: has '{left_out[0]}', expected a dataset of one material and one shape, "
-            "clamped nodes and dead loads"
+            f"{folder}: has '{left_out[0]}', expected a dataset of one material, clamped nodes and "
+            "dead loads"
         )
     if manifest.samples < 2:
         raise InputError(f"{folder}: {manifest.samples} samples, expected 2 at least")
-    settings = validate(DatasetSettings, manifest.case.get("dataset"), f"{folder}: case.dataset")
-    is_test = split_of(manifest, settings)
-    train, test = np.flatnonzero(~is_test), np.flatnonzero(is_test)
+    return reader
+
+
+def splits_of(manifest: Manifest) -> Splits:
+    """Rows of the splits of `datagen structure`, samples in ascending order of their number."""
+    of = validate(DatasetSettings, manifest.case.get("dataset"), f"{manifest.name}: case.dataset")
+    is_test = split_of(manifest, of)
+    return {"train": np.flatnonzero(~is_test), "test": np.flatnonzero(is_test)}
+
+
+def write_about(reader: DatasetReader, folder: Path, splits: Splits, **given: str) -> None:
+    """Write ``about.json`` beside the arrays: splits, names, and what is given as it is."""
+    family = ShapeFamily.of_arrays(reader.body)
     about = {
-        "dimension": manifest.dimension,
+        "dimension": reader.manifest.dimension,
         "element": ELEMENTS[reader.cell_type],
-        "backend": backend,
-        "train": train.tolist(),
-        "test": test.tolist(),
-        "owner": owner,
-        "license": license,
-        **described(manifest),
+        "parameters": () if family is None else family.names,
+        "splits": {name: rows.tolist() for name, rows in splits.items()},
+        **given,
+        **described(reader.manifest),
     }
-    with tempfile.TemporaryDirectory(dir=out.parent, prefix=".partial-") as scratch:
-        arrays, made = Path(scratch, "arrays"), Path(scratch, out.name)
-        arrays.mkdir()
-        (arrays / "about.json").write_text(json.dumps(about), encoding="utf-8")
-        _write_arrays(reader, arrays)
-        run_script(interpreter, "write_plaid.py", arrays, made)
-        made.rename(out)
-    return len(train), len(test)
+    (folder / "about.json").write_text(json.dumps(about), encoding="utf-8")
 
 
 def described(manifest: Manifest) -> dict[str, str]:
@@ -182,14 +204,16 @@ def described(manifest: Manifest) -> dict[str, str]:
         "simulator": ", ".join(f"{name} {version}" for name, version in manifest.software.items()),
         "description": (
             f"Equilibria of case {manifest.name}: nodal forces in N and displacements in m on one "
-            f"mesh, coordinates in m, nodal tags `clamped` and `loadable`. Digest of the source: "
+            "mesh, coordinates in m (of a family of shapes, those of each sample, beside its "
+            "parameters), nodal tags `clamped` and `loadable`. Digest of the source: "
             f"{manifest.digest}.\n{CASE}{case}"
         ),
     }
 
 
-def _write_arrays(reader: DatasetReader, folder: Path) -> None:
+def write_arrays(reader: DatasetReader, folder: Path) -> None:
     """Write mesh, tags and samples as ``.npy`` files, shard by shard, samples by their number."""
+    folder.mkdir()
     body, manifest = reader.body, reader.manifest
     np.save(folder / "coordinates.npy", body["mesh/coordinates"])
     np.save(folder / "cells.npy", body["mesh/cells"])
@@ -197,20 +221,26 @@ def _write_arrays(reader: DatasetReader, folder: Path) -> None:
         np.save(folder / f"{tag}.npy", np.flatnonzero(body[f"mesh/{tag}"]))
     order = reader.ascending()
     shape = (manifest.samples, *body["mesh/coordinates"].shape)
+    family = ShapeFamily.of_arrays(body)
+    of_shapes = () if family is None else ("coordinates",)
     fields: dict[str, Any] = {
         name: np.lib.format.open_memmap(
             folder / f"{name}.npy", mode="w+", dtype=np.float64, shape=shape
         )
-        for name in ("force", "displacement")
+        for name in ("force", "displacement", *of_shapes)
     }
     numbers = np.empty(manifest.samples, dtype=np.int64)
     stable = np.ones(manifest.samples, dtype=bool)
+    parameters = np.empty((manifest.samples, 0 if family is None else len(family.names)))
     is_known = True
     for shard, (_, arrays) in enumerate(reader):
         place = order.places(shard)
         row = order.row[place]
         fields["force"][place] = nodal_forces_of(arrays)[row]
-        fields["displacement"][place] = arrays["samples/displacement"][row]
+        for name in ("displacement", *of_shapes):
+            fields[name][place] = arrays[f"samples/{name}"][row]
+        if family is not None:
+            parameters[place] = arrays["samples/parameters"][row]
         numbers[place] = arrays["samples/number"][row]
         is_known = is_known and "samples/stable" in arrays
         if is_known:
@@ -218,5 +248,6 @@ def _write_arrays(reader: DatasetReader, folder: Path) -> None:
     if is_known:
         np.save(folder / "stable.npy", stable)
     np.save(folder / "number.npy", numbers)
+    np.save(folder / "parameters.npy", parameters)
     for values in fields.values():
         values.flush()

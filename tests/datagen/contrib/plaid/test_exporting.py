@@ -92,7 +92,7 @@ def test_what_has_no_field_is_refused(
     nodal: Path, tmp_path: Path, plaid: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Rollers, several materials and pressures would be lost without a word."""
-    names = "held", "material", "fibres", "pressed", "shape_terms"
+    names = "held", "material", "fibres", "pressed"
     assert tuple(f"mesh/{name}" for name in names) == exporting.NOT_CARRIED
     monkeypatch.setattr(exporting, "NOT_CARRIED", ("mesh/pressed", "mesh/clamped"))
     with pytest.raises(InputError, match=r"has 'mesh/clamped', expected a dataset of one material"):

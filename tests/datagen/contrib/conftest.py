@@ -10,7 +10,7 @@ from datagen.cases.case import read_case
 from datagen.farm.farm import run
 from tests.datagen.farm_runs import write_case
 
-PYTHON = Path(__file__).parents[4] / ".venv-plaid" / "bin" / "python"
+PYTHON = Path(__file__).parents[3] / ".venv-plaid" / "bin" / "python"
 
 
 @pytest.fixture(scope="session")
