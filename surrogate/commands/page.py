@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from shared_schema.common.command_line import Commands, add_command, add_parameter
-from surrogate.command_options import RUN
+from surrogate.command_options import RUN, positive
 
 
 def add_to(commands: Commands) -> None:
@@ -29,6 +29,8 @@ def add_to(commands: Commands) -> None:
         help="radius in m of the part of the surface that a dragged force is spread over, 0 for a "
         "single node (default: as the loads of the case)",
     )
+    density = "in kg/m³, of a body that moves over time (default: that of the materials)"
+    parser.add_argument("--density", type=positive, metavar="RHO", help=density)
     add_parameter(parser)
     parser.set_defaults(command=run)
 
@@ -38,5 +40,5 @@ def run(options: argparse.Namespace) -> None:
     import surrogate
 
     out = options.out or Path(f"{options.run.resolve().name}.html")
-    given = {"patch": options.patch, "parameters": options.parameters}
+    given = {name: getattr(options, name) for name in ("patch", "parameters", "density")}
     print(f"{out}: {surrogate.write_page(options.run, out, **given).summary()}")

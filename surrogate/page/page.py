@@ -31,11 +31,13 @@ from surrogate.learning.probabilistic.distribution import Moments
 from surrogate.learning.training.loop import train
 from surrogate.mechanics.actuation.actuation import Actuation
 from surrogate.mechanics.body.stiffness import modulus_at_rest
+from surrogate.mechanics.descent.aim import require_positive
 from surrogate.page.body import BAND, below, drawn, is_alone, mechanics_of
 from surrogate.page.bundle import read_bundle
 from surrogate.page.inlined import in_base64, inlined, packed
 from surrogate.page.page_actuators import actuator_data
 from surrogate.page.page_loads import Arrays, load_arrays, page_loads
+from surrogate.page.page_motion import motion_data
 from surrogate.page.page_network import (
     NO_NETWORK,
     fits,
@@ -86,6 +88,7 @@ def write_page(
     patch: float | None = None,
     largest: int = LARGEST,
     parameters: Mapping[str, float] | None = None,
+    density: float | None = None,
 ) -> Written:
     """Write the page of a run: one HTML file, on which the body follows a dragged load.
 
@@ -104,6 +107,9 @@ def write_page(
         Bytes that the page may have.
     parameters : mapping of str to float, optional
         Those of the body's shape, of a family of shapes.
+    density : float, optional
+        In kg/m³, of a body that moves over time; by default, that of its materials. Without one it
+        does not.
 
     Raises
     ------
@@ -111,6 +117,7 @@ def write_page(
         If there is no finished run, the file's name or the radius is wrong, the page's script is
         not built, the mesh has no surface, or body or network are too large for a page.
     """
+    require_positive("density", density)
     path = Path(out)
     require_suffix(path, (".html",))
     require_writable(path)
@@ -127,7 +134,11 @@ def write_page(
     loads = page_loads(surrogate, patch)
     geometry, arrays = surrogate.geometry, drawn(surrogate.geometry) | mechanics.arrays
     content = described(surrogate, run)
-    content |= {"body": mechanics.body, "response": mechanics.response}
+    body = mechanics.body
+    if body is not None:
+        moving, masses = motion_data(surrogate.body, density)
+        body, arrays = body | moving, arrays | below("body", masses)
+    content |= {"body": body, "response": mechanics.response}
     content |= {"pressed": mechanics.pressed, "largestPressures": mechanics.pressures}
     content |= {"largest": loads.largest, "patch": loads.radius, "density": loads.density}
     content |= {"series": order, "places": None, "actuation": None}
@@ -163,6 +174,7 @@ def write_page(
         content=content,
         d=geometry.dimension,
         responds=mechanics.body or mechanics.response,
+        moves=body is not None and "motion" in body,
         pressed=[name or f"surface {i}" for i, name in enumerate(mechanics.pressed, 1)],
         modulus=f"{float(f'{young_modulus(surrogate) or 0:.3g}'):g}",
         text=json.dumps(content, separators=(",", ":")).replace("<", "\\u003c"),

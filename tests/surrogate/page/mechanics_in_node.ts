@@ -5,6 +5,7 @@ import { put } from "../../../surrogate/page/web/src/content";
 import { ActuatedModes } from "../../../surrogate/page/web/src/mechanics/actuated_modes";
 import { certify } from "../../../surrogate/page/web/src/mechanics/certificate";
 import { Equilibrium } from "../../../surrogate/page/web/src/mechanics/equilibrium";
+import { Motion } from "../../../surrogate/page/web/src/mechanics/motion";
 import { atPoints } from "../../../surrogate/page/web/src/mechanics/points_between";
 import { loadSeries, seriesTerms, weights } from "../../../surrogate/page/web/src/mechanics/load_series";
 import { approach } from "../../../surrogate/page/web/src/mechanics/reach";
@@ -25,6 +26,7 @@ const answers = [];
 for (const ask of asks) {
   const force = field(ask.force);
   equilibrium.under(ask.pressures);
+  equilibrium.inertia = null;
   if (ask.kind === "state") {
     const u = field(ask.u);
     const x = field(ask.x);
@@ -46,6 +48,15 @@ for (const ask of asks) {
       weights: weights(equilibrium, terms, force),
       series: Array.from(loadSeries(equilibrium, force, ask.order)),
     });
+  } else if (ask.kind === "motion") {
+    const motion = new Motion(equilibrium, field(ask.u));
+    const frames = ask.factors.map((factor: number) => {
+      motion.goOn();
+      equilibrium.under(ask.pressures.map((pressure: number) => factor * pressure));
+      const moment = motion.step(force.map((newtons) => factor * newtons), ask);
+      return Array.from(moment!.displacement);
+    });
+    answers.push(frames);
   } else if (ask.kind === "actuated") {
     const modes = new ActuatedModes(actuation, equilibrium.following, equilibrium.size);
     const work = modes.worksOf(force);

@@ -14,8 +14,10 @@ from numpy.typing import NDArray
 from shared_schema.common.bodies.following_loads import FollowingLoad
 from surrogate.mechanics.actuation.actuation import Actuation
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
+from surrogate.mechanics.statics.body import Body
 from surrogate.page.body import Arrays, below, body_data, following_data
 from surrogate.page.page_actuators import actuator_data
+from surrogate.page.page_motion import motion_data
 
 Array = NDArray[np.float64]
 WEB = Path(__file__).parents[3] / "surrogate" / "page" / "web"
@@ -43,6 +45,7 @@ class PageInNode:
         asks: list[dict[str, Any]],
         following: Sequence[FollowingLoad] = (),
         actuation: Actuation | None = None,
+        moving: Body | None = None,
     ) -> list[Any]:
         """Answer questions: `kind`, `force` in N, `pressures` in Pa, and what the kind needs."""
         text, arrays = body_data(equilibrium)
@@ -51,11 +54,12 @@ class PageInNode:
         if actuation is not None:
             found, own = actuator_data(actuation)
             of_actuators, actuators = {"actuation": found}, below("actuation", own)
+        of_motion, masses = ({}, {}) if moving is None else motion_data(moving)
         request = {
-            "text": text | of_units | of_actuators,
+            "text": text | of_units | of_actuators | of_motion,
             "arrays": {
                 name: {"type": array.dtype.name, "values": array.ravel().tolist()}
-                for name, array in (arrays | units | actuators).items()
+                for name, array in (arrays | units | actuators | masses).items()
             },
             "asks": [
                 {"pressures": []}

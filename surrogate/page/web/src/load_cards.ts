@@ -24,9 +24,7 @@ export class LoadCards {
   ) {
     const { loads, content } = state;
     onClick(find("#remove-all"), () => {
-      loads.clear();
-      state.put(null);
-      state.target = null;
+      state.unload();
       changed();
     });
     // a choice of nodes for those who do not use a pointer

@@ -1,5 +1,6 @@
 /** The page: a body and the loads that the user drags. */
 
+import { Clock } from "./clock";
 import { readContent } from "./content";
 import type { Curve } from "./curve";
 import { norm } from "./mechanics/vectors";
@@ -18,6 +19,8 @@ import { movableSurface } from "./view/body_mesh";
 const REST = 150; // ms without a change, after which a load on a large body rests
 const LARGE = 2000; // degrees of freedom
 const PREPARING = "Preparing: the body follows in a moment …";
+const TORN = "No end of the time step is found: the load is too large. Reset brings rest.";
+const STILL = 1e-6; // of the body: its largest way in a time step at rest
 const PANEL = 80; // ms between two states of the panel: people read no faster
 
 /** What scripts may use, from the console or a talk's notes. */
@@ -27,6 +30,7 @@ interface Handle {
   state: State;
   scene: Scene;
   curve: Curve;
+  clock: Clock;
   /** Resolves when body and panel show the present loads. */
   settled: () => Promise<void>;
   /**
@@ -44,6 +48,11 @@ async function start(): Promise<void> {
   const { loads } = state;
   const panel = new Panel(state, {
     changed: () => change(null),
+    restarted: () => {
+      prediction.restart();
+      for (const search of searches) search.forget();
+      again();
+    },
     recoloured: () => show(),
     save: (kind) => {
       scene.drawWhole();
@@ -93,8 +102,34 @@ async function start(): Promise<void> {
   const change = (time: number | null): void => {
     for (const search of searches) search.begin();
     event = time === null ? null : { at: time, delivered: performance.now() };
+    if (state.motion.isOn && isComplete) {
+      show();
+      clock.run();
+    } else {
+      again();
+    }
+  };
+
+  /** Predict once more. */
+  const again = (): void => {
     isStale = true;
     if (!isBusy) void predict();
+  };
+
+  const clock = new Clock(1e3 * (content.body?.motion?.step ?? 0), () => {
+    if (isBusy) clock.run();
+    else again();
+  });
+
+  /** The body is at the end of a time step: the next one follows, unless it is at rest. */
+  const goOn = (): void => {
+    prediction.goOn();
+    show();
+    const isDue = clock.tick();
+    state.motion.pace = clock.pace;
+    if (state.motion.way <= STILL * content.extent) clock.rest();
+    else if (isDue) isStale = true;
+    else clock.run();
   };
 
   /** Predict and draw until nothing has changed meanwhile; say so if the network fails. */
@@ -105,7 +140,7 @@ async function start(): Promise<void> {
         isStale = false;
         const cause = event;
         isComplete = await predictOnce();
-        show();
+        if (!state.motion.isOn) show();
         if (!isComplete || !handle.measure || cause === null) continue;
         scene.finish();
         const drawn = performance.now();
@@ -127,8 +162,13 @@ async function start(): Promise<void> {
    */
   const predictOnce = async (): Promise<boolean> => {
     clearTimeout(timer);
-    state.certificate = null;
+    if (!state.motion.isOn) state.certificate = null;
     const fields = await prediction.fields();
+    const moves = state.motion.isOn;
+    if (moves && !fields) {
+      panel.tell(TORN);
+      return true;
+    }
     panel.tell(fields || !state.isLoaded ? "" : PREPARING);
     if (!fields && state.isLoaded) return false;
     state.fields = fields;
@@ -138,8 +178,9 @@ async function start(): Promise<void> {
     if (outcome === "missing") panel.tell(PREPARING);
     isStale ||= state.target !== null && state.actuated?.isWhole === false;
     if (outcome === "lost") panel.tell("No forces are found under which the body would be there.");
-    if (fields) addToCurve();
-    if (fields && !isStale) {
+    if (moves && !isStale && outcome !== "missing") goOn();
+    if (fields && !moves) addToCurve();
+    if (fields && !moves && !isStale) {
       const wait = (content.body?.order.length ?? 0) > LARGE ? REST : 0;
       timer = setTimeout(() => void rest(), wait);
     }
@@ -164,7 +205,7 @@ async function start(): Promise<void> {
   listen(scene, state, surface, {
     pressed: (load) => {
       panel.curve.clear();
-      if (content.needsResponse) columns(load.key);
+      if (content.needsResponse && !state.motion.isOn) columns(load.key);
     },
     moved: change,
     pointed: show,
@@ -186,6 +227,7 @@ async function start(): Promise<void> {
     state,
     scene,
     curve: panel.curve,
+    clock,
     settled: async () => {
       if (isBusy || !isComplete) await new Promise<void>((resolve) => idle.push(resolve));
       while (isPanelDue) await new Promise((resolve) => setTimeout(resolve, 1));

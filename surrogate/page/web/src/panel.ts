@@ -11,12 +11,15 @@ import type { Gesture, State } from "./state";
 import { asForce, asLength, digits, inUnit, place, unitOf, units } from "./units";
 
 const REACHED = 5e-3; // of the size of the body: what a target is missed by
+const REAL = 0.95; // of real time
 const PASTED = 2000; // ms that a button says so
 
 /** What the panel asks of the page. */
 export interface Actions {
   /** Loads have changed. */
   changed: () => void;
+  /** Motion begins from where the body is, or ends. */
+  restarted: () => void;
   recoloured: () => void;
   save: (kind: Kind) => void;
 }
@@ -51,6 +54,10 @@ export class Panel {
         { read: () => Math.log10(state.stiffness), write: (decades) => state.stiffen(decades) },
         { read: () => state.modulus, write: (modulus) => (state.modulus = modulus) },
       ],
+      "#damping": inPairs([0]).map(() => ({
+        read: () => state.motion.damping,
+        write: (ratio) => (state.motion.damping = Math.max(0, ratio)),
+      })),
       "#tool": [{ read: () => state.radius, write: (radius) => state.resize(radius) }],
     } satisfies Record<string, Value[]>;
     for (const [selector, some] of Object.entries(values)) {
@@ -61,6 +68,16 @@ export class Panel {
     onClick(find("#take-away"), () => {
       state.put(null);
       actions.changed();
+    });
+    onClick(find("#reset"), () => {
+      state.unload();
+      state.fields = null;
+      actions.restarted();
+    });
+    const [over] = inputs("#motion .choices");
+    over.addEventListener("change", () => {
+      state.motion.isOn = over.checked;
+      actions.restarted();
     });
     onClick(find("#no-target"), () => {
       state.target = null;
@@ -93,11 +110,16 @@ export class Panel {
     for (const show of this.shown) show();
     this.updateTool();
     this.updateActuators();
+    this.updateMotion();
     this.curve.draw();
     this.updateBar(most);
     if (content.certified) this.updateEstimate();
     this.updateReadout();
-    find("#command").textContent = state.isLoaded ? predictCommand(state) : "Set a load first.";
+    find("#command").textContent = state.motion.isOn
+      ? "surrogate simulate records a motion."
+      : state.isLoaded
+        ? predictCommand(state)
+        : "Set a load first.";
     const node = loads.selected?.key;
     const band = content.passes !== null || Object.keys(content.deviations).length > 0;
     find("#curve-title").textContent =
@@ -165,6 +187,13 @@ export class Panel {
     find("#no-equilibrium").hidden = target !== null || actuated?.isWhole !== false;
   }
 
+  private updateMotion(): void {
+    const { isOn, time, pace } = this.state.motion;
+    const rate =
+      pace > REAL ? "in real time" : `in slow motion, ${digits(100 * pace, 2)} % of real time`;
+    find("#pace").textContent = isOn ? `${time.toFixed(2)} s, ${rate}` : "";
+  }
+
   private updateBar(most: number): void {
     const { field } = this.state;
     const { label, palette } = COLOUR_FIELDS[field];
@@ -192,6 +221,7 @@ export class Panel {
       text = `None: the prediction turns ${certificate.inverted} elements inside out.`;
     } else if (certificate && estimate) {
       text = `${asLength(estimate.most, 2)} at most, ${percent(estimate.share)}`;
+      if (this.state.motion.isOn) text += ", that the time step adds";
       if (!certificate.settled) text = `Not reliable, as no equilibrium is near: ${text}`;
     } else if (certificate) {
       text = "None: the forces of the prediction are no finite numbers.";

@@ -95,7 +95,8 @@ export function listen(
         else load.force = moved(force, pull, scene.stiffness);
       },
       end: () => {
-        if (![...load.force, ...(load.held ?? [])].some(Boolean)) loads.remove(load);
+        const acts = [...load.force, ...(load.held ?? [])].some(Boolean);
+        if (state.motion.isOn || !acts) loads.remove(load);
       },
     };
   };

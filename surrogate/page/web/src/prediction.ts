@@ -1,4 +1,4 @@
-/** Fields under the loads, by a network or a load series, and their estimated error. */
+/** Fields under the loads, by a network, a load series or time steps, and their estimated error. */
 
 import { bytes } from "./content";
 import { BODY, type Part } from "./loads";
@@ -10,21 +10,39 @@ import type { State } from "./state";
 const PROBE = 0.01; // of the training's largest force, under which a network shows responses
 
 export class Prediction {
-  /** Those of the body at rest; of the network, on a page without it. */
-  readonly responses: Responses;
+  /** Those of the body at rest, or in a time step; of the network, on a page without it. */
+  responses!: Responses;
   /** Resolves when the network is there. */
   readonly ready: Promise<void>;
   private mechanics: Mechanics | null = null;
   private network: Network | null = null;
+  /** Whether the last time step has come to its end. */
+  private isOver = false;
 
   /** @param arrived - called when more is known than before */
   constructor(
     private readonly state: State,
-    arrived: () => void,
+    private readonly arrived: () => void,
   ) {
-    const { loads } = state;
-    this.responses = new Responses(loads, (units) => this.responsesTo(units), arrived);
+    this.restart();
     this.ready = this.start();
+  }
+
+  /** Forget what is known, and begin a motion at the present displacement if the body moves. */
+  restart(): void {
+    const { loads, motion, displacement, content, stiffness } = this.state;
+    this.responses = new Responses(loads, (units) => this.responsesTo(units), this.arrived);
+    if (!motion.isOn) return;
+    const start = Float64Array.from(displacement ?? new Float64Array(content.coordinates.length));
+    this.mechanics?.begin(loads.loading(stiffness), start);
+    motion.time = 0;
+    this.isOver = false;
+  }
+
+  /** The time step is taken. */
+  goOn(): void {
+    this.isOver = true;
+    this.state.motion.time += this.state.content.body!.motion!.step;
   }
 
   /** Start the workers, and the network if there is one. */
@@ -44,13 +62,14 @@ export class Prediction {
 
   /** Fields under the present loads; null for a body at rest, and while something is missing. */
   async fields(): Promise<Fields | null> {
-    const { loads, stiffness, content, isLoaded } = this.state;
+    const { loads, stiffness, content, isLoaded, motion } = this.state;
     this.mechanics?.forget();
+    if (motion.isOn) return this.mechanics && this.moved(this.mechanics);
     if (!isLoaded) this.state.actuated = null;
     if (!isLoaded) return null;
     if (content.actuation) return this.mechanics && this.actuated(this.mechanics);
     if (content.series === 0) return this.predicted(loads.parts(), stiffness);
-    return this.mechanics && this.nodal(await this.series(this.mechanics));
+    return this.mechanics && { displacement: this.nodal(await this.series(this.mechanics)) };
   }
 
   /** Estimate the error of the fields; the equilibrium takes the place of those of a series. */
@@ -67,13 +86,25 @@ export class Prediction {
     const { corrected } = certificate;
     if (content.series === 0 || !corrected) return true;
     const shown = this.nodal(Float32Array.from(corrected.displacement));
-    const error = corrected.error.map(
-      (value, i) => value + shown.displacement[i] - corrected.displacement[i],
-    ); // with that of single precision
-    state.fields = shown;
+    const error = corrected.error.map((value, i) => value + shown[i] - corrected.displacement[i]); // with that of single precision
+    state.fields = { displacement: shown };
     if (state.actuated) state.actuated.quantities = corrected.quantities;
     state.certificate = { ...certificate, error };
     return true;
+  }
+
+  /** At the end of a time step; null if there is none. */
+  private async moved(mechanics: Mechanics): Promise<Fields | null> {
+    const { loads, stiffness, content, motion } = this.state;
+    const damping = 2 * motion.damping * content.body!.motion!.frequency * Math.sqrt(stiffness);
+    const setting = { damping, stiffness };
+    const found = await mechanics.step(loads.loading(stiffness), setting, this.isOver);
+    this.isOver = false;
+    if (!found) return null;
+    const error = this.nodal(found.error);
+    this.state.certificate = { error, inverted: 0, settled: true, corrected: null };
+    motion.way = found.way;
+    return { displacement: Float32Array.from(this.nodal(found.displacement)) };
   }
 
   /** Under actuators, which a target moves. */
@@ -84,7 +115,7 @@ export class Prediction {
     const found = await mechanics.actuated(loading, given, state.target);
     if (state.target) given.splice(0, Infinity, ...found.given);
     state.actuated = found;
-    return this.nodal(found.displacement);
+    return { displacement: this.nodal(found.displacement) };
   }
 
   private series(mechanics: Mechanics): Promise<Float32Array> {
@@ -93,9 +124,9 @@ export class Prediction {
   }
 
   /** What is drawn of displacements of all points: those of the nodes, which come first. */
-  private nodal(points: Float32Array): { displacement: Float32Array } {
+  private nodal<T extends Float32Array | Float64Array>(points: T): T {
     const { nodes, d } = this.state.content;
-    return { displacement: points.subarray(0, nodes * d) };
+    return points.subarray(0, nodes * d) as T;
   }
 
   /** Fields of the network; null while it or a response is missing. */
@@ -117,7 +148,8 @@ export class Prediction {
 
   private async responsesTo(units: readonly Part[]): Promise<Float64Array[]> {
     const { loads, content } = this.state;
-    if (this.mechanics) return this.mechanics.columns(units.map((unit) => loads.nodal([unit])));
+    const forces = units.map((unit) => loads.nodal([unit]));
+    if (this.mechanics) return this.mechanics.columns(forces, this.state.motion.isOn);
     await this.ready;
     const probe = PROBE * Math.max(...content.largest);
     const columns: Float64Array[] = [];

@@ -39,12 +39,18 @@ export class State {
   radius: number;
   /** Young's modulus over that of the training. */
   stiffness = 1;
+  /**
+   * Whether the body moves over time, and since when in s; seconds of it in one of the clock; how far a
+   * point goes in a step in m; damping ratio of the first vibration.
+   */
+  readonly motion = { isOn: false, time: 0, pace: 1, way: 0, damping: 0 };
   /** Node under the pointer, or under the keyboard's cursor. */
   node: number | null = null;
 
   constructor(readonly content: Content) {
     this.loads = new Loads(content);
     this.radius = content.radius;
+    this.motion.damping = content.body?.motion?.damping ?? 0;
   }
 
   /** Colour fields that this page can show. */
@@ -82,6 +88,13 @@ export class State {
   put(tool: Tool | null): void {
     this.tool = tool;
     this.loads.contacts = [];
+  }
+
+  /** Let nothing act. */
+  unload(): void {
+    this.loads.clear();
+    this.put(null);
+    this.target = null;
   }
 
   /** Resultant in N of the forces of the tool on the body, d components. */
@@ -144,7 +157,7 @@ export class State {
   warnings(): Map<Kind, string> {
     const { trained } = this.content;
     const forces = this.loads.nodal().map((force) => force / this.stiffness);
-    return trained ? exceeded(forces, trained) : new Map<Kind, string>();
+    return trained && !this.motion.isOn ? exceeded(forces, trained) : new Map<Kind, string>();
   }
 
   /** Whether a load is larger than those of the training, or elsewhere, and no estimate allays it. */

@@ -47,6 +47,21 @@ export interface Elements {
   fibres?: Float64Array;
 }
 
+/** What a body with a density needs to move, as `surrogate/page/page_motion.py` writes it. */
+export interface Moving {
+  /** Step h in s, and coefficients of the scheme. */
+  step: number;
+  alphaM: number;
+  alphaF: number;
+  beta: number;
+  gamma: number;
+  /** Of the first vibration ω in 1/s, and its damping ratio at first. */
+  frequency: number;
+  damping: number;
+  /** M of a component of the displacement in kg. */
+  mass: Rows;
+}
+
 /** The body of the page's mechanics, as `surrogate/page/body.py` writes it. */
 export interface Body extends Elements {
   /** Number of the points that are nodes of the mesh, the first ones. */
@@ -61,6 +76,7 @@ export interface Body extends Elements {
   between?: Rows;
   /** Nodes, with weights, whose forces reach each node by way of an embedded grid. */
   spread?: Rows;
+  motion?: Moving;
 }
 
 /** Forces in N, and amplitudes of the loads that follow the body in Pa or N. */

@@ -4,6 +4,7 @@ import script from "worker-script";
 import type { Actuation } from "./actuated_modes";
 import type { Body, Loading } from "./body";
 import type { Certificate } from "./certificate";
+import type { Moment, Setting } from "./motion";
 import type { Target } from "./reach";
 import type { Actuated, Answers } from "./worker";
 
@@ -41,7 +42,7 @@ export class Mechanics {
 
   /**
    * @param responding - body of linear responses and series
-   * @param body - of estimates; null for none
+   * @param body - of estimates and motion; null for none
    * @param actuation - of the actuators; null for none
    */
   constructor(responding: Body, body: Body | null, actuation: Actuation | null) {
@@ -59,9 +60,20 @@ export class Mechanics {
     return this.responding.ask("actuated", loading, given, target);
   }
 
-  /** Responses in m to nodal forces in N. */
-  columns(forces: Float64Array[]): Promise<Float64Array[]> {
-    return this.responding.ask("columns", forces);
+  /** Responses in m to nodal forces in N; in the present time step, if the body moves. */
+  columns(forces: Float64Array[], moves: boolean): Promise<Float64Array[]> {
+    return (moves ? this.estimating! : this.responding).ask("columns", forces);
+  }
+
+  /** Begin a motion from rest at a displacement in m. */
+  begin(loading: Loading, start: Float64Array): void {
+    this.forget();
+    void this.estimating!.ask("begin", loading, start);
+  }
+
+  /** The end of the next time step, or once more of the last one; null if it is not found. */
+  step(loading: Loading, setting: Setting, isNext: boolean): Promise<Moment | null> {
+    return this.estimating!.ask("step", loading, setting, isNext);
   }
 
   /** Estimate the error of a prediction; null if none is asked for, or it is forgotten meanwhile. */

@@ -1,10 +1,11 @@
-/** The worker: columns of K⁻¹ of loaded nodes, load series, actuators, and estimated errors of predictions. */
+/** The worker: columns of K⁻¹ of loaded nodes, load series, actuators, motion, and estimated errors of predictions. */
 
 import { ActuatedModes, type Actuation } from "./actuated_modes";
 import type { Body, Loading } from "./body";
 import { certify, type Certificate } from "./certificate";
 import { Equilibrium } from "./equilibrium";
 import { loadSeries } from "./load_series";
+import { Motion, type Moment, type Setting } from "./motion";
 import { atPoints } from "./points_between";
 import { approach, type Target } from "./reach";
 import { Solid } from "./solid";
@@ -12,6 +13,7 @@ import { at, gathered, norm, plus } from "./vectors";
 
 let equilibrium: Equilibrium;
 let modes: ActuatedModes;
+let motion: Motion;
 let latest = 0;
 
 /** What actuators do. */
@@ -85,9 +87,24 @@ const answers = {
     return Float32Array.from(loadSeries(equilibrium, onPoints(force), order));
   },
 
+  /** Be at rest at a displacement in m of the nodes. */
+  begin: ({ force, pressures }: Loading, start: Float64Array): void => {
+    equilibrium.inertia = null;
+    equilibrium.under(pressures);
+    motion = new Motion(equilibrium, atPoints(equilibrium, start, onPoints(force)));
+  },
+
+  /** The end of a time step after the last one, or once more of that one; null if it is not found. */
+  step: ({ force, pressures }: Loading, setting: Setting, isNext: boolean): Moment | null => {
+    if (isNext) motion.goOn();
+    equilibrium.under(pressures);
+    return motion.step(onPoints(force), setting);
+  },
+
   /** The error of a displacement in m at the nodes; null once something else is asked for. */
   certificate: async (loading: Loading, given: Float64Array): Promise<Certificate | null> => {
     const asked = latest;
+    equilibrium.inertia = null;
     equilibrium.under(loading.pressures);
     const force = onPoints(loading.force);
     const certificate = await certify(

@@ -81,6 +81,12 @@ export class Search<T> {
     this.stride = 1;
   }
 
+  /** Forget the condition, and how the body answers. */
+  forget(): void {
+    this.about = [];
+    this.condition = null;
+  }
+
   /** Move the forces so that the condition is fulfilled. */
   step(): Outcome {
     this.renew(this.find(this.state));

@@ -32,6 +32,7 @@ const STEEL = 0x6b7684;
 const NEAR = 16; // pixels around a node
 const NARROW = 600; // pixels of a stage on which the lines of a mesh are close together
 const MANY = 10000; // lines that a processor draws only once the picture stands still
+const FADE = 0.99; // of a largest value of before, a frame of a motion
 const STILL = 150; // ms
 
 export class Scene {
@@ -40,6 +41,8 @@ export class Scene {
   readonly stiffness: number;
   /** Largest value of the colours in m. */
   largest = 1;
+  /** Largest value that is shown, or was a moment ago in a motion. */
+  private most = 0;
   private readonly three = new ThreeScene();
   private readonly renderer: WebGLRenderer;
   private readonly camera: OrthographicCamera | PerspectiveCamera;
@@ -149,7 +152,8 @@ export class Scene {
   show(): void {
     const { state, body } = this;
     const values = state.values();
-    const most = values ? values.reduce((a, b) => Math.max(a, b), 0) : 0;
+    const before = state.motion.isOn ? FADE * this.most : 0;
+    const most = (this.most = values?.reduce((a, b) => Math.max(a, b), before) ?? 0);
     this.largest = most > units.negligible ? ceiling(most) : 1;
     body.move(state.displacement);
     body.colour(values, this.largest, COLOUR_FIELDS[state.field].palette);
