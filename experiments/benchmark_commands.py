@@ -27,6 +27,7 @@ PROGRAMS = {  # in whose environment a benchmark is measured
     "equilibrium": "datagen",
     "error-over-time": "surrogate",
     "grips": "surrogate",
+    "hidden-test": "surrogate",
     "identification": "surrogate",
     "large-bodies": "datagen",
     "manufactured": "datagen",

@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import ast
 import subprocess
-import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.benchmarks.benchmark import Results
+from experiments.framework.environment import python_with
 from experiments.framework.factory import factory
 from experiments.framework.report import markdown_table
 from shared_schema import MANIFEST, DatasetReader
@@ -111,12 +111,7 @@ def ours(folder: Path, forces: Array, aim: float | None) -> tuple[Array, Array]:
 def other(script: str, folder: Path, body: Body, forces: Array) -> tuple[Array, Array]:
     """The same of another program, in its environment."""
     _, packages = PROGRAMS[script]
-    environment = folder.parent / f"venv-{script}"
-    python = environment / "bin" / "python"
-    if not (environment / "installed").is_file():
-        subprocess.run([sys.executable, "-m", "venv", str(environment)], check=True)
-        subprocess.run([str(python), "-m", "pip", "install", "-q", *packages], check=True)
-        (environment / "installed").touch()
+    python = python_with(folder.parent / f"venv-{script}", packages)
     geometry, material = body.geometry, body.case["material"]
     given, found = folder / "problem.npz", folder / f"{script}.npz"
     np.savez(

@@ -19,12 +19,12 @@ from shared_schema.dataset_reader import DatasetReader
 TEMPLATE = Path(__file__).with_name("card.md")
 SIZES = {1e3: "n<1K", 1e4: "1K<n<10K", 1e5: "10K<n<100K", 1e6: "100K<n<1M"}  # the Hub's names
 TOLD = ("mesh", "made by", "digest", "elements", "linear solver", "stability", "largest residual")
-SCORES = {  # headings of the baselines, and how values are written
-    "mean_error": ("mean error [{}]", "{:.2e}"),
-    "relative_mean_error": ("relative mean error", "{:.2%}"),
-    "worst_node_error": ("worst node", "{:.2%}"),
-    "largest_worst_node_error": ("largest worst node", "{:.1%}"),
-    "within_tolerance": ("within 0.5 %", "{:.0%}"),
+SCORES = {  # headings of the baselines, and units
+    "mean_error": ("mean error", "length"),
+    "relative_mean_error": ("relative mean error", "%"),
+    "worst_node_error": ("worst node", "%"),
+    "largest_worst_node_error": ("largest worst node", "%"),
+    "within_tolerance": (f"within {score.TOLERANCE:.1%}", "%"),
 }
 
 
@@ -64,11 +64,17 @@ def card(
         columns["parameters"] = f"of the shape: {told}"
         columns["coordinates"] = f"undeformed position {at_nodes} {length}"
     about = info(reader.folder)
-    heads = ("method", *(head.format(length) for head, _ in SCORES.values()))
     rows = (
-        (name, *(text.format(of[key]) for key, (_, text) in SCORES.items()))
+        (
+            name,
+            *(
+                f"{100 * of[key]:.3g} %" if unit == "%" else f"{of[key]:.3g} {length}"
+                for key, (_, unit) in SCORES.items()
+            ),
+        )
         for name, of in scores.items()
     )
+    heads = ("method", *(head for head, _ in SCORES.values()))
     title = f"Large deformations: {manifest.name}"
     metadata = {
         "license": license.lower(),
