@@ -135,8 +135,7 @@ def export_plaid(
         If pyplaid fails.
     """
     folder, out = Path(nodal), Path(out)
-    if out.exists():
-        raise InputError(f"--out '{out}': exists, expected a new folder")
+    require_new(out)
     interpreter = require_interpreter(python)
     reader = carried(folder)
     splits = splits_of(reader.manifest)
@@ -147,6 +146,14 @@ def export_plaid(
         run_script(interpreter, SCRIPT, arrays, made)
         made.rename(out)
     return len(splits["train"]), len(splits["test"])
+
+
+def require_new(out: Path) -> None:
+    """Raise InputError unless a folder can be made there, in one that exists."""
+    if out.exists():
+        raise InputError(f"--out '{out}': exists, expected a new folder")
+    if not out.parent.is_dir():
+        raise InputError(f"--out '{out}': no such folder {out.parent}")
 
 
 def carried(folder: Path) -> DatasetReader:

@@ -73,8 +73,7 @@ def publish(
         If pyplaid fails.
     """
     folder, out = Path(nodal), Path(out)
-    if out.exists():
-        raise InputError(f"--out '{out}': exists, expected a new folder")
+    exporting.require_new(out)
     interpreter = exporting.require_interpreter(python)
     reader = exporting.carried(folder)
     splits = with_validation(exporting.splits_of(reader.manifest), validation, reader.manifest.seed)

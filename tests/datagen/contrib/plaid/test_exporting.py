@@ -108,6 +108,7 @@ def test_refusals(nodal: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str
     out = [*words, str(tmp_path / "plaid")]
     for arguments, part in (
         ([*words, str(there)], "exists, expected a new folder"),
+        ([*words, str(there / "a" / "b")], f"no such folder {there / 'a'}"),
         ([*out, "--python", "/nowhere/python"], "--python '/nowhere/python': cannot be run"),
         ([*out, "--python", sys.executable], "has no pyplaid; `python3 -m venv plaid"),
         (out, "--python: pyplaid is not installed here"),

@@ -186,6 +186,7 @@ def test_refusals(
     out = [*words, str(plates.parent / "none")]
     for arguments, part in (
         ([*words, str(published)], "exists, expected a new folder"),
+        ([*words, str(published / "a" / "b")], f"no such folder {published / 'a'}"),
         ([*out, "--validation", "nan"], "--validation nan: 0 of 18 samples"),
         ([*out, "--baseline", "mine"], "--baseline mine: expected NAME=FILE.npz"),
         ([*out, "--baseline", "mine=nowhere.npz"], "--baseline nowhere.npz: expected a file .npz"),
