@@ -51,10 +51,11 @@ def motion_data(body: Body, density: float | None = None) -> tuple[dict[str, Any
     scheme = Scheme.generalised_alpha(step, settings.dissipation)
     text = {
         "step": step,
-        "alphaM": scheme.alpha_m,
-        "alphaF": scheme.alpha_f,
         "beta": scheme.beta,
         "gamma": scheme.gamma,
+        "fresh": (1 - scheme.alpha_m) / (1 - scheme.alpha_f),
+        "former": scheme.alpha_m / (1 - scheme.alpha_f),
+        "carried": scheme.carried,
         "frequency": frequency,
         "damping": settings.damping.mass / (2 * frequency),
     }

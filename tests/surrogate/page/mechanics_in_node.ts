@@ -53,7 +53,7 @@ for (const ask of asks) {
     const frames = ask.factors.map((factor: number) => {
       motion.goOn();
       equilibrium.under(ask.pressures.map((pressure: number) => factor * pressure));
-      const moment = motion.step(force.map((newtons) => factor * newtons), ask);
+      const moment = motion.step(force.map((newtons) => factor * newtons), ask.damping, ask.stiffness);
       return Array.from(moment!.displacement);
     });
     answers.push(frames);

@@ -147,7 +147,7 @@ def test_settings_of_the_case() -> None:
     time = {"dissipation": 0.0, "damping": {"mass": 0.5}, "mass": "lumped"}
     of_case, masses = motion_data(Body(body.geometry, {**body.case, "time": time}))
     motion = of_case["motion"]
-    assert motion["alphaM"] == -1
+    assert (motion["fresh"], motion["former"], motion["carried"]) == (2, -1, 0)
     assert 2 * motion["damping"] * motion["frequency"] == pytest.approx(0.5)
     assert np.count_nonzero(masses["motion/mass/weights"]) == len(body.geometry.coordinates)
     assert masses["motion/mass/weights"].sum() == pytest.approx(0.4)  # kg

@@ -1,17 +1,15 @@
 /** When time steps are due: in real time, or as fast as they are computed. */
 
 const LATEST = 50; // ms that steps may be behind the clock, and catch up
-const PERIOD = 500; // ms that a pace is measured over
+const SHARE = 0.1; // of a step in the mean of their intervals
 
 export class Clock {
   /** Whether steps are taken when a script asks for them, and only then. */
   isByHand = false;
-  /** Seconds of the body in a second. */
-  pace = 1;
   private frame = 0;
   private due = 0;
-  private since = 0;
-  private count = 0;
+  private last = 0;
+  private interval: number;
 
   /**
    * @param step - in ms
@@ -20,7 +18,9 @@ export class Clock {
   constructor(
     private readonly step: number,
     private readonly take: () => void,
-  ) {}
+  ) {
+    this.interval = step;
+  }
 
   /** Take a step with a frame of the screen. */
   run(): void {
@@ -32,19 +32,18 @@ export class Clock {
     });
   }
 
-  /** No step follows for a while. */
-  rest(): void {
-    this.count = 0;
+  /** A step is taken; seconds of the body in one of the clock, and whether the next step is due. */
+  tick(): { pace: number; isDue: boolean } {
+    const now = performance.now();
+    const elapsed = now - this.last;
+    if (this.last > 0) this.interval += SHARE * (elapsed - this.interval);
+    this.last = now;
+    this.due = Math.max(this.due, now - LATEST) + this.step;
+    return { pace: this.step / this.interval, isDue: !this.isByHand && now >= this.due };
   }
 
-  /** A step is taken; whether the next one is due at once. */
-  tick(): boolean {
-    const now = performance.now();
-    this.due = Math.max(this.due, now - LATEST) + this.step;
-    const elapsed = now - this.since;
-    if (this.count > 0 && elapsed > PERIOD) this.pace = (this.count * this.step) / elapsed;
-    if (this.count === 0 || elapsed > PERIOD) [this.since, this.count] = [now, 0];
-    this.count++;
-    return !this.isByHand && now >= this.due;
+  /** No step follows for a while. */
+  rest(): void {
+    this.last = 0;
   }
 }

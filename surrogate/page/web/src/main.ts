@@ -19,7 +19,7 @@ import { movableSurface } from "./view/body_mesh";
 const REST = 150; // ms without a change, after which a load on a large body rests
 const LARGE = 2000; // degrees of freedom
 const PREPARING = "Preparing: the body follows in a moment …";
-const TORN = "No end of the time step is found: the load is too large. Reset brings rest.";
+const TORN = "No end of the time step is found. Reset brings rest.";
 const STILL = 1e-6; // of the body: its largest way in a time step at rest
 const PANEL = 80; // ms between two states of the panel: people read no faster
 
@@ -79,6 +79,7 @@ async function start(): Promise<void> {
   let isBusy = false;
   let isStale = false;
   let isComplete = true;
+  let isLed = false; // by a sphere or a held place, which moves
   let isPanelDue = false;
   let panelTime = 0;
   let event: { at: number; delivered: number } | null = null;
@@ -125,9 +126,9 @@ async function start(): Promise<void> {
   const goOn = (): void => {
     prediction.goOn();
     show();
-    const isDue = clock.tick();
-    state.motion.pace = clock.pace;
-    if (state.motion.way <= STILL * content.extent) clock.rest();
+    const { pace, isDue } = clock.tick();
+    state.motion.pace = pace;
+    if (!isLed && state.motion.way <= STILL * content.extent) clock.rest();
     else if (isDue) isStale = true;
     else clock.run();
   };
@@ -162,15 +163,16 @@ async function start(): Promise<void> {
    */
   const predictOnce = async (): Promise<boolean> => {
     clearTimeout(timer);
-    if (!state.motion.isOn) state.certificate = null;
-    const fields = await prediction.fields();
     const moves = state.motion.isOn;
-    if (moves && !fields) {
-      panel.tell(TORN);
-      return true;
+    if (!moves) state.certificate = null;
+    if (moves && prediction.isOver) isLed = searches.map((each) => each.goOn()).includes(true);
+    const fields = await prediction.fields();
+    panel.tell(fields ? "" : moves ? TORN : state.isLoaded ? PREPARING : "");
+    if (!fields && moves && state.isLoaded) {
+      state.unload();
+      isStale = true;
     }
-    panel.tell(fields || !state.isLoaded ? "" : PREPARING);
-    if (!fields && state.isLoaded) return false;
+    if (!fields && (moves || state.isLoaded)) return moves;
     state.fields = fields;
     let outcome = searches[0].step();
     if (outcome === "there") outcome = searches[1].step();
@@ -178,8 +180,9 @@ async function start(): Promise<void> {
     if (outcome === "missing") panel.tell(PREPARING);
     isStale ||= state.target !== null && state.actuated?.isWhole === false;
     if (outcome === "lost") panel.tell("No forces are found under which the body would be there.");
-    if (moves && !isStale && outcome !== "missing") goOn();
-    if (fields && !moves) addToCurve();
+    if (moves) {
+      if (!isStale && outcome !== "missing") goOn();
+    } else if (fields) addToCurve();
     if (fields && !moves && !isStale) {
       const wait = (content.body?.order.length ?? 0) > LARGE ? REST : 0;
       timer = setTimeout(() => void rest(), wait);

@@ -11,6 +11,7 @@ import type { Gesture, State } from "./state";
 import { asForce, asLength, digits, inUnit, place, unitOf, units } from "./units";
 
 const REACHED = 5e-3; // of the size of the body: what a target is missed by
+const UNLOADED = "Set a load first.";
 const REAL = 0.95; // of real time
 const PASTED = 2000; // ms that a button says so
 
@@ -38,8 +39,9 @@ export class Panel {
   ) {
     const { loads } = state;
     this.cards = new LoadCards(state, actions.changed);
+    const twice = (value: Value): Value[] => [value, value];
     const inPairs = (values: number[]): Value[] =>
-      values.flatMap((_, i) => [entry(values, i), entry(values, i)]);
+      values.flatMap((_, i) => twice(entry(values, i)));
     const values = {
       "#body-force": inPairs(loads.body.force),
       "#pressures": inPairs(loads.pressures),
@@ -54,10 +56,10 @@ export class Panel {
         { read: () => Math.log10(state.stiffness), write: (decades) => state.stiffen(decades) },
         { read: () => state.modulus, write: (modulus) => (state.modulus = modulus) },
       ],
-      "#damping": inPairs([0]).map(() => ({
+      "#damping": twice({
         read: () => state.motion.damping,
         write: (ratio) => (state.motion.damping = Math.max(0, ratio)),
-      })),
+      }),
       "#tool": [{ read: () => state.radius, write: (radius) => state.resize(radius) }],
     } satisfies Record<string, Value[]>;
     for (const [selector, some] of Object.entries(values)) {
@@ -115,11 +117,8 @@ export class Panel {
     this.updateBar(most);
     if (content.certified) this.updateEstimate();
     this.updateReadout();
-    find("#command").textContent = state.motion.isOn
-      ? "surrogate simulate records a motion."
-      : state.isLoaded
-        ? predictCommand(state)
-        : "Set a load first.";
+    const command = state.motion.isOn ? "" : state.isLoaded ? predictCommand(state) : UNLOADED;
+    find("#command").textContent = command;
     const node = loads.selected?.key;
     const band = content.passes !== null || Object.keys(content.deviations).length > 0;
     find("#curve-title").textContent =
@@ -189,9 +188,8 @@ export class Panel {
 
   private updateMotion(): void {
     const { isOn, time, pace } = this.state.motion;
-    const rate =
-      pace > REAL ? "in real time" : `in slow motion, ${digits(100 * pace, 2)} % of real time`;
-    find("#pace").textContent = isOn ? `${time.toFixed(2)} s, ${rate}` : "";
+    const slow = pace > REAL ? "" : `slow motion, ${digits(100 * pace, 2)} % of `;
+    find("#pace").textContent = isOn ? `${time.toFixed(2)} s, ${slow}real time` : "";
   }
 
   private updateBar(most: number): void {
@@ -216,7 +214,7 @@ export class Panel {
 
   private updateEstimate(): void {
     const { certificate, fields, estimate } = this.state;
-    let text = fields ? "Computing …" : "Set a load first.";
+    let text = fields ? "Computing …" : UNLOADED;
     if (certificate?.inverted) {
       text = `None: the prediction turns ${certificate.inverted} elements inside out.`;
     } else if (certificate && estimate) {

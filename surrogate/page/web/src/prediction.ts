@@ -17,7 +17,7 @@ export class Prediction {
   private mechanics: Mechanics | null = null;
   private network: Network | null = null;
   /** Whether the last time step has come to its end. */
-  private isOver = false;
+  isOver = false;
 
   /** @param arrived - called when more is known than before */
   constructor(
@@ -97,8 +97,8 @@ export class Prediction {
   private async moved(mechanics: Mechanics): Promise<Fields | null> {
     const { loads, stiffness, content, motion } = this.state;
     const damping = 2 * motion.damping * content.body!.motion!.frequency * Math.sqrt(stiffness);
-    const setting = { damping, stiffness };
-    const found = await mechanics.step(loads.loading(stiffness), setting, this.isOver);
+    const loading = loads.loading(stiffness);
+    const found = await mechanics.step(loading, damping, stiffness, this.isOver);
     this.isOver = false;
     if (!found) return null;
     const error = this.nodal(found.error);

@@ -49,12 +49,13 @@ export interface Elements {
 
 /** What a body with a density needs to move, as `surrogate/page/page_motion.py` writes it. */
 export interface Moving {
-  /** Step h in s, and coefficients of the scheme. */
+  /** Step h in s; β, γ; (1 − α_m), α_m and α_f over (1 − α_f). */
   step: number;
-  alphaM: number;
-  alphaF: number;
   beta: number;
   gamma: number;
+  fresh: number;
+  former: number;
+  carried: number;
   /** Of the first vibration ω in 1/s, and its damping ratio at first. */
   frequency: number;
   damping: number;

@@ -119,7 +119,9 @@ export class Equilibrium {
   /** Factorise K(u), or a positive definite matrix near it. */
   tangent(u: Float64Array): Tangent {
     if (this.pressure) return this.underPressure(u, this.pressure);
-    const factor = this.factor(this.assembled(u));
+    const factor = this.inertia
+      ? this.profile.factor(this.assembled(u), Infinity)
+      : this.factor(this.assembled(u));
     if (factor) return { solve: this.solver(factor), stable: true };
     const rest = this.assembled(new Float64Array(this.size), "pointwise");
     for (let shift = FIRST_SHIFT; shift < 1 / Number.EPSILON; shift *= SHIFT_GROWTH) {

@@ -4,7 +4,7 @@ import script from "worker-script";
 import type { Actuation } from "./actuated_modes";
 import type { Body, Loading } from "./body";
 import type { Certificate } from "./certificate";
-import type { Moment, Setting } from "./motion";
+import type { Moment } from "./motion";
 import type { Target } from "./reach";
 import type { Actuated, Answers } from "./worker";
 
@@ -71,9 +71,9 @@ export class Mechanics {
     void this.estimating!.ask("begin", loading, start);
   }
 
-  /** The end of the next time step, or once more of the last one; null if it is not found. */
-  step(loading: Loading, setting: Setting, isNext: boolean): Promise<Moment | null> {
-    return this.estimating!.ask("step", loading, setting, isNext);
+  /** The end of a time step, as the worker has it. */
+  step(...given: Parameters<Answers["step"]>): Promise<Moment | null> {
+    return this.estimating!.ask("step", ...given);
   }
 
   /** Estimate the error of a prediction; null if none is asked for, or it is forgotten meanwhile. */

@@ -7,7 +7,6 @@
  * which Newton's method finds, with a tangent that is kept while it contracts.
  */
 
-import type { Moving } from "./body";
 import type { Equilibrium, Tangent } from "./equilibrium";
 import { combined, largest, norm, plus } from "./vectors";
 
@@ -15,12 +14,6 @@ const TOLERANCE = 1e-5; // of the displacement: estimated error of a step
 const CONTRACTION = 0.3; // of steps of Newton's method with one tangent
 const ITERATIONS = 40;
 const SHORTEST = 1 / 64; // part of one
-
-/** What changes from step to step: c of the forces c M v in 1/s, Young's modulus over that of the body. */
-export interface Setting {
-  damping: number;
-  stiffness: number;
-}
 
 /** The end of a time step, at all points in m. */
 export interface Moment {
@@ -31,19 +24,13 @@ export interface Moment {
   way: number;
 }
 
-/** Displacement in m, velocity in m/s, acceleration in m/s², forces out of balance R in N. */
-interface State {
-  u: Float64Array;
-  v: Float64Array;
-  a: Float64Array;
-  left: Float64Array;
-}
+/** Displacement u in m, velocity v in m/s, acceleration a in m/s², forces out of balance R in N. */
+type State = Record<"u" | "v" | "a" | "left", Float64Array>;
 
 export class Motion {
   private at: State;
   private next: State;
   private tangent: Pick<Tangent, "solve">;
-  private readonly moving: Moving;
 
   /** @param u - where the body is at rest */
   constructor(
@@ -51,7 +38,6 @@ export class Motion {
     u: Float64Array,
   ) {
     const zero = new Float64Array(u.length);
-    this.moving = equilibrium.solid.body.motion!;
     this.at = this.next = { u, v: zero, a: zero, left: zero };
     this.tangent = { solve: (r) => equilibrium.linearResponse(r) };
   }
@@ -61,30 +47,32 @@ export class Motion {
     this.at = this.next;
   }
 
-  /** The end of a step under forces over `stiffness`; null if it is not found. */
-  step(f: Float64Array, { damping: c, stiffness }: Setting): Moment | null {
+  /**
+   * The end of a step; null if it is not found.
+   *
+   * @param f - forces in N over the stiffness
+   * @param c - of the forces c M v in 1/s
+   * @param stiffness - Young's modulus over that of the body
+   */
+  step(f: Float64Array, c: number, stiffness: number): Moment | null {
     const { u, v, a, left } = this.at;
-    const { step: h, alphaM, alphaF, beta, gamma } = this.moving;
+    const { step: h, beta, gamma, fresh, former, carried } = this.equilibrium.solid.body.motion!;
     const slope = 1 / (beta * h * h);
-    const k = ((1 - alphaM) / (1 - alphaF)) * slope + c * gamma * h * slope;
+    const k = (fresh + c * gamma * h) * slope;
     const onward = combined([1, h, h * h * (0.5 - beta)], [u, v, a]);
     const coasting = combined([1, h * (1 - gamma)], [v, a]);
-    const goal = combined([k, -alphaM / (1 - alphaF), -c], [onward, a, coasting]);
-    const pull = plus(this.equilibrium.massOf(goal), left, -alphaF / (1 - alphaF));
-    this.equilibrium.inertia = {
-      spring: k / stiffness,
-      pull: pull.map((force) => force / stiffness),
-    };
+    const goal = combined([k, -former, -c], [onward, a, coasting]);
+    const pull = plus(this.equilibrium.massOf(goal), left, -carried).map((f) => f / stiffness);
+    this.equilibrium.inertia = { spring: k / stiffness, pull };
     const found = this.settled(f, combined([1, h], [u, v]));
     if (!found) return null;
     const [end, error] = found;
     const after = combined([slope, -slope], [end, onward]);
     const velocity = plus(coasting, after, gamma * h);
-    const inertia = this.equilibrium.massOf(combined([1 - alphaM, alphaM], [after, a]));
-    const out = combined([-1 / (1 - alphaF), -alphaF / (1 - alphaF)], [inertia, left]);
-    this.next = { u: end, v: velocity, a: after, left: this.equilibrium.held(out) };
-    const way = h * largest(velocity) + h * h * largest(after);
-    return { displacement: end, error, way };
+    const inertia = this.equilibrium.massOf(combined([-fresh, -former], [after, a]));
+    const out = this.equilibrium.held(plus(inertia, left, -carried));
+    this.next = { u: end, v: velocity, a: after, left: out };
+    return { displacement: end, error, way: h * largest(velocity) + h * h * largest(after) };
   }
 
   /** The equilibrium of a step, from where the body coasts, and what the last step of Newton's method leaves. */

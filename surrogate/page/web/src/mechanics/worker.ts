@@ -5,7 +5,7 @@ import type { Body, Loading } from "./body";
 import { certify, type Certificate } from "./certificate";
 import { Equilibrium } from "./equilibrium";
 import { loadSeries } from "./load_series";
-import { Motion, type Moment, type Setting } from "./motion";
+import { Motion, type Moment } from "./motion";
 import { atPoints } from "./points_between";
 import { approach, type Target } from "./reach";
 import { Solid } from "./solid";
@@ -94,11 +94,11 @@ const answers = {
     motion = new Motion(equilibrium, atPoints(equilibrium, start, onPoints(force)));
   },
 
-  /** The end of a time step after the last one, or once more of that one; null if it is not found. */
-  step: ({ force, pressures }: Loading, setting: Setting, isNext: boolean): Moment | null => {
+  /** The end of the next time step, or once more of the last one, as `Motion.step`. */
+  step: (loading: Loading, c: number, stiffness: number, isNext: boolean): Moment | null => {
     if (isNext) motion.goOn();
-    equilibrium.under(pressures);
-    return motion.step(onPoints(force), setting);
+    equilibrium.under(loading.pressures);
+    return motion.step(onPoints(loading.force), c, stiffness);
   },
 
   /** The error of a displacement in m at the nodes; null once something else is asked for. */

@@ -7,6 +7,7 @@ import type { LinearBody } from "./linear_body";
 import type { Condition, Found } from "./search";
 
 const STRIDE = 0.25; // over the body's size
+const SHORT = 0.02; // the same, in a time step
 
 export class Grip implements Condition {
   readonly stride: number;
@@ -20,7 +21,7 @@ export class Grip implements Condition {
   ) {
     const { d } = state.content;
     this.dofs = parts.flatMap(({ key, force }) => force.map((_, i) => key * d + i));
-    this.stride = STRIDE * state.content.extent;
+    this.stride = (state.motion.isOn ? SHORT : STRIDE) * state.content.extent;
     this.at = parts.flatMap(({ key }) => state.displacementAt(key));
   }
 

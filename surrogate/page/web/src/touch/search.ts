@@ -3,7 +3,7 @@
  * entered. As in `surrogate/mechanics/touch/search.py` the body is linear around a prediction, and the
  * prediction with the forces that the condition asks of this linear body is the next one; here one a
  * frame. Where a step makes it worse, a part of it is taken. The condition goes to where it shall be
- * in strides that the body can follow.
+ * in strides that the body can follow, in a motion one a time step.
  */
 
 import type { Part } from "../loads";
@@ -87,6 +87,11 @@ export class Search<T> {
     this.condition = null;
   }
 
+  /** Take the stride of a time step; false if the condition is where it shall be. */
+  goOn(): boolean {
+    return this.condition !== null && this.approach(this.condition);
+  }
+
   /** Move the forces so that the condition is fulfilled. */
   step(): Outcome {
     this.renew(this.find(this.state));
@@ -133,7 +138,7 @@ export class Search<T> {
     this.left = MOST;
     if (this.last) this.stride = Math.min(1, 2 * this.stride);
     this.last = null;
-    return this.approach(condition) ? "moves" : "there";
+    return !this.state.motion.isOn && this.approach(condition) ? "moves" : "there";
   }
 
   /** Go back to where the condition could be fulfilled, and on from there in smaller strides. */
