@@ -22,6 +22,17 @@ CERTIFIED = """new Promise((resolve) => {
     const ask = () => surrogatePage.state.certificate ? resolve() : setTimeout(ask, 10);
     ask();
 })"""
+TAKE = """async (count) => {
+    const { clock, state } = surrogatePage;
+    const frames = [];
+    for (let n = 0; n < count; n++) {
+        const before = state.motion.time;
+        clock.take();
+        while (state.motion.time === before) await new Promise((resolve) => setTimeout(resolve));
+        frames.push(Array.from(state.displacement));
+    }
+    return frames;
+}"""
 ARGUMENTS = ["--enable-unsafe-swiftshader"]  # WebGL without a graphics processor
 READBACK = "GPU stall due to ReadPixels"  # a driver's remark on saved and measured pictures
 
@@ -106,6 +117,17 @@ class OpenPage:
         """Wait until body and panel show the present loads."""
         self.page.evaluate("new Promise(requestAnimationFrame)")
         self.page.evaluate("surrogatePage.settled()")
+
+    def begin_motion(self) -> None:
+        """Begin a motion whose steps are taken by `take`, after a first one."""
+        self.page.evaluate("surrogatePage.clock.isByHand = true")
+        self.page.locator("#motion .choices input").check()
+        self.settle()
+
+    def take(self, count: int) -> Array:
+        """Take time steps; displacements in m at all nodes after each, (count, n_nodes, d)."""
+        found = self.page.evaluate(TAKE, count)
+        return np.stack([self._nodal(frame) for frame in found])
 
     def load(self, node: int, *force: float) -> None:
         """Choose a node in the panel, and type in the components of its force."""

@@ -50,13 +50,13 @@ for (const ask of asks) {
     });
   } else if (ask.kind === "motion") {
     const motion = new Motion(equilibrium, field(ask.u));
-    const frames = ask.factors.map((factor: number) => {
+    const moments = ask.factors.map((factor: number) => {
       motion.goOn();
       equilibrium.under(ask.pressures.map((pressure: number) => factor * pressure));
       const moment = motion.step(force.map((newtons) => factor * newtons), ask.damping, ask.stiffness);
-      return Array.from(moment!.displacement);
+      return [Array.from(moment!.displacement), Array.from(moment!.error)];
     });
-    answers.push(frames);
+    answers.push(moments);
   } else if (ask.kind === "actuated") {
     const modes = new ActuatedModes(actuation, equilibrium.following, equilibrium.size);
     const work = modes.worksOf(force);

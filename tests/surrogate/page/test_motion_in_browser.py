@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import surrogate
 from shared_schema.tools import Sphere
@@ -15,22 +14,10 @@ from tests.surrogate.page.browser import OpenPage
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
-Array = NDArray[np.float64]
 Open = Callable[..., OpenPage]
 STEP = 1 / 60  # s
 DENSITY = 0.1  # kg/m³: the beam swings in 1.3 s
 CLOSE = 1e-4  # of the largest displacement, of a session that is exact
-TAKE = """async (count) => {
-    const { clock, state } = surrogatePage;
-    const frames = [];
-    for (let n = 0; n < count; n++) {
-        const before = state.motion.time;
-        clock.take();
-        while (state.motion.time === before) await new Promise((resolve) => setTimeout(resolve));
-        frames.push(Array.from(state.displacement));
-    }
-    return frames;
-}"""
 
 
 @pytest.fixture(scope="module")
@@ -49,15 +36,8 @@ def model() -> surrogate.Surrogate:
 def page(beam: Path, open_page: Open) -> OpenPage:
     """The page in motion, whose steps are taken by hand; turning it on takes the first one."""
     page = open_page(beam)
-    page.page.evaluate("surrogatePage.clock.isByHand = true")
-    page.page.locator("#motion .choices input").check()
-    page.settle()
+    page.begin_motion()
     return page
-
-
-def take(page: OpenPage, count: int) -> Array:
-    """Take steps; displacements in m at all nodes after each, (count, n_nodes, d)."""
-    return np.array(page.page.evaluate(TAKE, count)).reshape(count, -1, 2)
 
 
 def session(model: surrogate.Surrogate) -> surrogate.Session:
@@ -75,11 +55,11 @@ def test_pull_and_let_go(page: OpenPage, model: surrogate.Surrogate) -> None:
     page.settle()
     force = page.forces
     assert np.flatnonzero(force.any(axis=1)).tolist() == [tip]
-    pulled = take(page, 20)
+    pulled = page.take(20)
     mouse.up()
     page.settle()
     assert not page.forces.any()
-    swings = take(page, 100)
+    swings = page.take(100)
     way = swings[:, tip, 1]
     assert pulled[-1, tip, 1] < -0.1
     assert way.max() > 0.1
@@ -98,18 +78,18 @@ def test_damping_reset_and_the_end_of_motion(page: OpenPage, model: surrogate.Su
     tip = model.geometry.tip
     page.load(tip, 0.0, -0.01)
     page.page.locator("#damping input[type=number]").fill("0.5")
-    take(page, 600)
-    (static,) = take(page, 1)
+    page.take(600)
+    (static,) = page.take(1)
     page.page.locator("#damping input[type=number]").fill("0.1")
     page.page.get_by_text("Remove all").click()
     page.settle()
-    way = take(page, 100)[:, tip, 1] / static[tip, 1]
+    way = page.take(100)[:, tip, 1] / static[tip, 1]
     highest = int(way[60:].argmax()) + 60
     assert 70 < highest < 80  # 2π / ω = 1.26 s
     assert way[highest] == pytest.approx(np.exp(-0.2 * np.pi), rel=0.1)
     page.page.click("#reset")
     page.settle()
-    assert not take(page, 1).any()
+    assert not page.take(1).any()
     page.page.locator("#motion .choices input").uncheck()
     page.load(tip, 0.0, -0.01)
     at_rest = page.field("displacement")
@@ -126,11 +106,11 @@ def test_a_held_place_is_led_and_let_go(page: OpenPage, model: surrogate.Surroga
     for down in (10, 20, 30):
         mouse.move(x, y + down)
         page.settle()
-        held = take(page, 2)[-1, tip]  # the first one begins where it was
+        held = page.take(2)[-1, tip]  # the first one begins where it was
         wanted = page.page.evaluate("surrogatePage.state.loads.selected.held")
         np.testing.assert_allclose(held, wanted, atol=2e-4 * abs(wanted[1]))
     mouse.up()
-    assert take(page, 60)[:, tip, 1].max() > 0.05
+    assert page.take(60)[:, tip, 1].max() > 0.05
 
 
 def test_a_sphere_pushes(page: OpenPage, model: surrogate.Surrogate) -> None:
@@ -145,7 +125,7 @@ def test_a_sphere_pushes(page: OpenPage, model: surrogate.Surrogate) -> None:
     for down in range(0, 30, 2):
         mouse.move(x, y + down)
         page.settle()
-        (frame,) = take(page, 1)
+        (frame,) = page.take(1)
         tool = page.page.evaluate("surrogatePage.state.tool")
         sphere = Sphere(tuple(tool["centre"]), tool["radius"])
         np.testing.assert_allclose(tool["centre"], tool["wanted"])

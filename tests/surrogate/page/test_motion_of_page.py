@@ -72,8 +72,8 @@ def of_page(
     *,
     damping: float = 0.0,
     stiffness: float = 1.0,
-) -> Array:
-    """The same on the page, of a body that is stiffer by a factor."""
+) -> tuple[Array, Array]:
+    """The same on the page, of a body that is stiffer by a factor, and estimated errors in m."""
     at_points = body.equilibrium.forces_at_points(force[None])[0] / stiffness
     pressures: Sequence[float] = ()
     if following is not None:
@@ -90,7 +90,8 @@ def of_page(
     units = () if following is None else following.units
     (found,) = ask(body.equilibrium, [asked], units, moving=body)
     nodes = len(body.geometry.coordinates)
-    return np.array(found).reshape(len(found), -1, body.geometry.dimension)[:, :nodes]
+    both = np.array(found).reshape(len(found), 2, -1, body.geometry.dimension)[:, :, :nodes]
+    return both[:, 0], both[:, 1]
 
 
 def test_beam_is_pulled_and_swings(ask: PageInNode) -> None:
@@ -98,7 +99,7 @@ def test_beam_is_pulled_and_swings(ask: PageInNode) -> None:
     body = beam()
     force = np.zeros_like(body.geometry.coordinates)
     force[body.geometry.tip] = [0.3, -1.5]
-    found, expected = of_page(ask, body, force), frames(body, force)
+    (found, _), expected = of_page(ask, body, force), frames(body, force)
     size = np.abs(expected).max()
     assert size > 0.25  # m
     assert np.abs(found - expected).max() < 1e-4 * size
@@ -106,6 +107,17 @@ def test_beam_is_pulled_and_swings(ask: PageInNode) -> None:
     tip = found[PULLED:, body.geometry.tip, 1]
     assert tip.min() < -0.25
     assert tip.max() > 0.2  # beyond the place of rest
+
+
+def test_estimated_errors_of_steps(ask: PageInNode) -> None:
+    """Of first steps, from the same state as those of an exact session."""
+    body = beam()
+    force = np.zeros_like(body.geometry.coordinates)
+    for size in (5, 10, 20):
+        force[body.geometry.tip] = [0.3 * size, -1.5 * size]
+        found, errors = of_page(ask, body, force)
+        error = np.abs(found[0] - frames(body, force)[0]).max()
+        assert np.abs(errors[0]).max() == pytest.approx(error, rel=0.2)
 
 
 @pytest.mark.parametrize(
@@ -124,7 +136,7 @@ def test_pressure_damping_and_a_stiffer_body(ask: PageInNode, element: str, cell
     step = motion_data(body)[0]["motion"]["step"]
     assert step == motion_data(stiffer)[0]["motion"]["step"]
     expected = frames(stiffer, force, push, damping=Damping(mass=2.0))
-    found = of_page(ask, body, force, push, damping=2.0, stiffness=2.0)
+    found, _ = of_page(ask, body, force, push, damping=2.0, stiffness=2.0)
     assert np.abs(found - expected).max() < 1e-4 * np.abs(expected).max()
 
 

@@ -17,7 +17,7 @@ import {
   WebGLRenderer,
 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
-import { COLOUR_FIELDS } from "../colours";
+import { COLOUR_FIELDS, type FieldName } from "../colours";
 import type { State } from "../state";
 import { ceiling, units } from "../units";
 import { DrawnActuators } from "./actuators";
@@ -41,8 +41,8 @@ export class Scene {
   readonly stiffness: number;
   /** Largest value of the colours in m. */
   largest = 1;
-  /** Largest value that is shown, or was a moment ago in a motion. */
-  private most = 0;
+  /** Largest values of the colours that are shown, or were a moment ago in a motion. */
+  private readonly most: Partial<Record<FieldName, number>> = {};
   private readonly three = new ThreeScene();
   private readonly renderer: WebGLRenderer;
   private readonly camera: OrthographicCamera | PerspectiveCamera;
@@ -152,8 +152,9 @@ export class Scene {
   show(): void {
     const { state, body } = this;
     const values = state.values();
-    const before = state.motion.isOn ? FADE * this.most : 0;
-    const most = (this.most = values?.reduce((a, b) => Math.max(a, b), before) ?? 0);
+    const before = state.motion.isOn ? FADE * (this.most[state.field] ?? 0) : 0;
+    const most = values?.reduce((a, b) => Math.max(a, b), before) ?? 0;
+    this.most[state.field] = most;
     this.largest = most > units.negligible ? ceiling(most) : 1;
     body.move(state.displacement);
     body.colour(values, this.largest, COLOUR_FIELDS[state.field].palette);
