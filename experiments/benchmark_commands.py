@@ -32,6 +32,7 @@ PROGRAMS = {  # in whose environment a benchmark is measured
     "large-bodies": "datagen",
     "manufactured": "datagen",
     "measured-beam": "surrogate",
+    "measured-swing": "surrogate",
     "motion": "surrogate",
     "new-shape": "surrogate",
     "normalisation": "surrogate",

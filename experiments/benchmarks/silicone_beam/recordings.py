@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-FILE = Path(__file__).with_name("positions.csv")
+FILE, SWINGS = (Path(__file__).with_name(name) for name in ("positions.csv", "swings.csv"))
+RATE = 100.0  # frames per second
 RECORDINGS = ("gravity_a", "gravity_b", "load52_a", "load52_b")
 TIP = np.array(
     [[0, 0.015, 0.036], [0, -0.006, 0.024], [0, 0.036, 0.006]]
@@ -29,6 +30,12 @@ def recorded() -> dict[str, tuple[Array, Array, Array]]:
     table = np.loadtxt(FILE, delimiter=",", skiprows=1, usecols=range(2, 9))
     parts = np.split(table, len(RECORDINGS))
     return {n: (p[:, :3], p[:, 3:6], p[:, 6]) for n, p in zip(RECORDINGS, parts, strict=True)}
+
+
+def swings() -> dict[str, Array]:
+    """Vertical displacements in m, (frames,), of the tip from first motion on: mean of 3 points."""
+    table = np.loadtxt(SWINGS, delimiter=",", skiprows=1)
+    return dict(zip(RECORDINGS, table.T, strict=True))
 
 
 def rigid_motion(places: Array, others: Array) -> tuple[Array, Array]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +45,10 @@ class ActuatedBody:
     def least(self) -> float:
         """Size in m of a step that rounding errors make."""
         return ROUNDING * self.equilibrium.cell_size
+
+    def under(self, part: float) -> Self:
+        """The body under a part of its dead load."""
+        return replace(self, force=part * self.force)
 
     def residual(self, state: Array, amplitudes: Array) -> Residual | None:
         """Out-of-balance forces in N, of displacements (n_points · d,) in m."""
@@ -96,6 +101,10 @@ class ActuatedModes:
     def least(self) -> float:
         """Size in m of a step that rounding errors make."""
         return ROUNDING * self.body.equilibrium.cell_size
+
+    def under(self, part: float) -> Self:
+        """The body under a part of its dead load."""
+        return replace(self, work=part * self.work)
 
     def residual(self, state: Array, amplitudes: Array) -> Residual | None:
         """Works of the out-of-balance forces on the modes in J."""

@@ -18,7 +18,7 @@ The equations hold for a body and for its modes alike: what they need is `Border
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,6 +63,9 @@ class BorderedBody(Protocol):
     def least(self) -> float:
         """Size in m of a step that rounding errors make."""
 
+    def under(self, part: float) -> Self:
+        """The body under a part of its dead load."""
+
     def residual(self, state: Array, amplitudes: Array) -> Residual | None:
         """Lack of balance under some amplitudes; None where a cell is inverted."""
 
@@ -91,7 +94,8 @@ def balanced(
 ) -> Balanced:
     """Find the equilibrium under given controls, from one nearby or from the body at rest.
 
-    Where Newton's method does not lead there at once, what is given is increased from rest.
+    Where Newton's method does not lead there at once, what is given, and the dead load, are
+    increased from rest.
 
     Raises
     ------
@@ -103,7 +107,7 @@ def balanced(
         return found
 
     def go(share: float, last: Balanced) -> Balanced:
-        reached = newton(body, controls, share, last, tolerance)
+        reached = newton(body.under(share), controls, share, last, tolerance)
         if reached is None:
             raise WorkError("Newton's method does not settle")
         return reached
