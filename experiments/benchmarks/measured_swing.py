@@ -2,10 +2,10 @@ r"""A real beam of silicone that is let go: its swing, by what its rest position
 
     python -m experiments benchmark measured-swing
 
-writes its record and its page. Young's modulus is that of `measured_beam`, fitted to the deflection
-at rest under gravity. Viscous stresses :math:`2 μ b \dot E` damp a vibration :math:`e^{-λt} \cos ωt`
-by :math:`λ = b ω² / 2`: b is fitted to one recording. All else is predicted: the beam is straight
-and at rest, and gravity acts from t = 0 on.
+writes its record and its page. Young's modulus is fitted to the deflection at rest under gravity,
+as by `measured_beam`. Viscous stresses :math:`2 μ b \dot E` damp a vibration of frequency ω by
+:math:`e^{-λt}`, :math:`λ = b ω² / 2`: b is fitted to one recording. All else is predicted: the beam
+is straight and at rest, and gravity acts from t = 0 on.
 """
 
 from __future__ import annotations
@@ -54,13 +54,14 @@ def vibration(times: Array, heights: Array, near: float) -> tuple[float, float]:
     """Frequency in Hz and decay λ in 1/s of heights in m over time, from a first frequency."""
     size = float(np.ptp(heights)) / 2
     start = [float(heights.mean()), size, 2.0, 2 * np.pi * near, 0.0]
-    found, _ = curve_fit(cosine, times, heights, start, x_scale=[size, size, 1, 10, 1])
+    found, _ = curve_fit(cosine, times, heights, start)
     return float(found[3] / (2 * np.pi)), float(found[2])
 
 
-def extremes(heights: Array) -> list[float]:
-    """The first extremes, by the parabola through three frames each."""
-    found = []
+def extremes(heights: Array, rest: float) -> list[float]:
+    """The first extremes beyond a rest position, by the parabola through three frames each."""
+    found, passed = [], int(np.argmax(heights < rest))
+    heights = heights[passed - 1 :]
     for before, here, after in zip(heights, heights[1:], heights[2:], strict=False):
         if (here - before) * (after - here) < 0:
             bend = before - 2 * here + after
@@ -72,7 +73,7 @@ def swing_of(times: Array, heights: Array, load: str, rest: float, until: float)
     """Frequency, decay, and how far the first extremes lie beyond the rest position in m."""
     swing = (times > 0.5 / EXPECTED[load]) & (times <= until)
     frequency, decay = vibration(times[swing], heights[swing], EXPECTED[load])
-    beyond = [abs(height - rest) for height in extremes(heights)]
+    beyond = [abs(height - rest) for height in extremes(heights, rest)]
     return {"frequency": frequency, "decay": decay, "beyond": beyond, "rest": rest}
 
 
@@ -105,7 +106,7 @@ class Beam:
         mass = DENSITY + HUNG[load] / GRAVITY / EDGE
         moduli = {f"material.{part}.young_modulus": modulus for part in (0, 1)}
         for key, value in {**moduli, "material.1.density": mass, **motion}.items():
-            words += ["--set", f"{key}={value!r}"]
+            words += ["--set", f"{key}={value:.9g}"]
         for text in hung(HUNG[load]):
             words += ["--load", text]
         factory(*words, quiet=not motion)
@@ -181,8 +182,8 @@ Frequency and decay are those of a cosine that decays, fitted from half a period
 - Decay: one constant b is right at one frequency only. The recordings decay nearly in proportion to
   the frequency, the model to its square.
 
-Nothing here depends on the release except the size of the swing. A prediction of a hand-held release
-needs a measured release."""
+Only the size of the swing depends on how the beam is released; to predict it, the release has to be
+measured."""
 
 
 def errors(results: Results, load: str) -> tuple[float, float]:

@@ -6,10 +6,11 @@ import os
 import subprocess
 import sys
 import venv
+from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 import pytest
-import torch
+from packaging.requirements import Requirement
 
 from shared_schema.manifest import read_manifest
 from tests.surrogate.conftest import build as make_dataset
@@ -108,10 +109,31 @@ dataset: {samples: 100, shard_size: 50}
 """
 
 
+def link_what_is_needed(name: str, site: Path, seen: set[str]) -> None:
+    """Link what a distribution requires, from this environment: pip takes it for installed."""
+    for text in distribution(name).requires or ():
+        needed = Requirement(text)
+        if needed.name in seen or (needed.marker and not needed.marker.evaluate({"extra": ""})):
+            continue
+        seen.add(needed.name)
+        try:
+            found = distribution(needed.name)
+        except PackageNotFoundError:  # pip fetches it
+            continue
+        if not needed.name.startswith("solid-"):
+            for top in {file.parts[0] for file in found.files or ()} - {"..", "__pycache__"}:
+                if not (site / top).exists():
+                    (site / top).symlink_to(found.locate_file(top))
+        link_what_is_needed(needed.name, site, seen)
+
+
 @pytest.mark.slow
-@pytest.mark.timeout(1200)
+@pytest.mark.timeout(600)
 def test_from_wheels_to_the_page_of_a_surface(tmp_path: Path) -> None:
-    """In a new environment, with no other program on the path and no home directory."""
+    """In a new environment, with no other program on the path and no home directory.
+
+    It has what pip installs by the wheels' own requirements, and nothing else.
+    """
     build(tmp_path / "dist")
     place = tmp_path / "environment"
     venv.create(place, with_pip=True)
@@ -132,9 +154,11 @@ def test_from_wheels_to_the_page_of_a_surface(tmp_path: Path) -> None:
         assert done.returncode == code, done.stderr
         return done.stdout + done.stderr
 
+    site = run("python", "-c", "import sysconfig; print(sysconfig.get_path('purelib'))").strip()
+    link_what_is_needed("solid-surrogate", Path(site), set())
     pip = ("python", "-m", "pip", "install", "-q", "--find-links", tmp_path / "dist")
-    same = f"torch=={torch.__version__.partition('+')[0]}"  # a newer one would be gigabytes
-    run(*pip, "solid-datagen[mesh]", "solid-surrogate", same)
+    run(*pip, "solid-datagen[mesh]", "solid-surrogate")
+    run("python", "-m", "pip", "check")
     for program in ("datagen", "surrogate"):
         assert "beam2d_any" in run(program, "list")
     kidney(tmp_path / "kidney.stl")

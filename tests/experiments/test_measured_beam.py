@@ -1,11 +1,11 @@
-"""The measured beam: what the positions say, and fits to deflections of closed form."""
+"""The measured beam: what the recordings say, and fits to closed forms."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from experiments.benchmarks import measured_beam
+from experiments.benchmarks import measured_beam, measured_swing
 from experiments.benchmarks.benchmark import stored_record
 from experiments.benchmarks.measured_beam import PUBLISHED, Deflection
 from experiments.benchmarks.silicone_beam.recordings import (
@@ -14,6 +14,7 @@ from experiments.benchmarks.silicone_beam.recordings import (
     moved,
     recorded,
     rigid_motion,
+    swings,
 )
 
 TIP_1 = {"gravity_a": -6.44, "gravity_b": -6.58, "load52_a": -17.15, "load52_b": -17.13}  # mm
@@ -59,3 +60,26 @@ def test_factory_and_learner_agree() -> None:
     """Both fit the same body: moduli within 0.5 %, in the committed record."""
     for row in stored_record("measured-beam").findings.numbers["rows"]:
         assert row["learner"]["modulus"] == pytest.approx(row["modulus"], rel=5e-3)
+
+
+def test_a_vibration_and_its_extremes() -> None:
+    """Of e^-2t cos 8πt: extremes where ω sin ωt = -λ cos ωt, seen at 100 Hz within 0.5 %."""
+    t, omega = np.arange(100) / 100, 8 * np.pi
+    heights = 0.01 * np.exp(-2 * t) * np.cos(omega * t) - 0.01
+    frequency, decay = measured_swing.vibration(t, heights, 3.8)
+    assert (frequency, decay) == (pytest.approx(4.0, rel=1e-6), pytest.approx(2.0, rel=1e-6))
+    at = (np.pi * np.arange(1, 4) - np.arctan(2 / omega)) / omega
+    beyond = 0.01 * np.exp(-2 * at) * np.cos(omega * at)
+    found = np.array(measured_swing.extremes(heights, -0.01)) + 0.01
+    np.testing.assert_allclose(found, beyond, rtol=5e-3)
+
+
+@pytest.mark.parametrize(("name", "hertz"), [("gravity_a", 7.76), ("load52_b", 4.32)])
+def test_frequencies_of_the_recordings(name: str, hertz: float) -> None:
+    """Of one cosine over 2 s, fitted to marker tip 1 by others: within 1 %."""
+    heights = swings()[name]
+    times = np.arange(len(heights)) / 100
+    swing = (times > 0.07) & (times < 2)
+    assert measured_swing.vibration(times[swing], heights[swing], hertz)[0] == pytest.approx(
+        hertz, rel=0.01
+    )
