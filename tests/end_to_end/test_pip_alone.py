@@ -134,7 +134,7 @@ def test_from_wheels_to_the_page_of_a_surface(tmp_path: Path) -> None:
 
     It has what pip installs by the wheels' own requirements, and nothing else.
     """
-    build(tmp_path / "dist")
+    build(tmp_path / "dist", "--no-isolation")
     place = tmp_path / "environment"
     venv.create(place, with_pip=True)
     programs = place / ("Scripts" if os.name == "nt" else "bin")
