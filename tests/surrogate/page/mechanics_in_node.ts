@@ -26,7 +26,6 @@ const answers = [];
 for (const ask of asks) {
   const force = field(ask.force);
   equilibrium.under(ask.pressures);
-  equilibrium.inertia = null;
   if (ask.kind === "state") {
     const u = field(ask.u);
     const x = field(ask.x);
@@ -52,8 +51,9 @@ for (const ask of asks) {
     const motion = new Motion(equilibrium, field(ask.u));
     const moments = ask.factors.map((factor: number) => {
       motion.goOn();
-      equilibrium.under(ask.pressures.map((pressure: number) => factor * pressure));
-      const moment = motion.step(force.map((newtons) => factor * newtons), ask.damping, ask.stiffness);
+      const pressures = ask.pressures.map((pressure: number) => factor * pressure);
+      const loading = { force: force.map((newtons) => factor * newtons), pressures };
+      const moment = motion.step(loading, ask.damping, ask.stiffness);
       return [Array.from(moment!.displacement), Array.from(moment!.error)];
     });
     answers.push(moments);

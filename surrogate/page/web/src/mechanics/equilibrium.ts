@@ -6,14 +6,12 @@
  * at the free degrees of freedom. Where K is not positive definite, K + τ K(0) takes its place,
  * with the first τ = 0.1 · 4^k that is sufficient. Under loads that follow the body there is no Π, and δ
  * is always that of K itself: iterations solve with it, by the factor of its symmetric part without cables.
- *
- * In a time step springs act besides, −A (u − ũ) with A = k M, as in `surrogate/mechanics/equilibrium/inertia.py`.
  */
 
 import { Following, followingLoads, type FollowingLoad } from "./following";
 import { Profile, type Factor } from "./profile";
 import type { Kind, Solid } from "./solid";
-import { add, dot, gathered, norm, plus } from "./vectors";
+import { dot, norm, plus } from "./vectors";
 
 const FIRST_SHIFT = 0.1;
 const SHIFT_GROWTH = 4;
@@ -26,16 +24,8 @@ export interface Tangent {
   stable: boolean;
 }
 
-/** Springs of a time step: k in 1/s², and A ũ in N. */
-export interface Inertia {
-  spring: number;
-  pull: Float64Array;
-}
-
 export class Equilibrium {
-  /** Those of the present time step; null for a body that does not move. */
-  inertia: Inertia | null = null;
-  /** Pressures and tensions, which follow the body; null if there are none. */
+  /** Pressures, tensions and inertia, which follow the body; null if there are none. */
   pressure: Following | null = null;
   /** Number of the displacements' components. */
   readonly size: number;
@@ -44,8 +34,7 @@ export class Equilibrium {
   private readonly numbers: Int32Array;
   /** Number of the negative eigenvalues of tangents that are positive definite beside p. */
   private readonly negative: number;
-  /** K(0), with the springs of a k; 0 without a time step. */
-  private undeformed: { factor: Factor; spring: number } | null = null;
+  private undeformed: Factor | null = null;
   private known: FollowingLoad[] | null = null;
 
   /** @param order - free unknowns in the order of the profile; by default those of the body */
@@ -82,21 +71,11 @@ export class Equilibrium {
 
   /** r(u) in N, zero at clamped nodes; NaN where a cell is inverted, or a number is not finite. */
   outOfBalance(u: Float64Array, f: Float64Array): Float64Array {
-    const acting = this.pressure ? plus(f, this.pressure.forces(u)) : f.slice();
-    if (this.inertia) {
-      add(acting, this.inertia.pull, 1);
-      add(acting, this.massOf(u), -this.inertia.spring);
-    }
+    const acting = this.pressure ? plus(f, this.pressure.forces(u)) : f;
     this.solid.set(0, this.solid.slopes(u));
     const r = this.held(plus(this.solid.forces(0), acting, -1));
     const isSound = this.solid.inverted() === 0 && r.every(Number.isFinite);
     return isSound ? r : r.fill(NaN);
-  }
-
-  /** M u, in kg times the unit of u. */
-  massOf(u: Float64Array): Float64Array {
-    const { motion, d } = this.solid.body;
-    return gathered(motion!.mass, u, d);
   }
 
   /** Number of inverted cells. */
@@ -119,9 +98,7 @@ export class Equilibrium {
   /** Factorise K(u), or a positive definite matrix near it. */
   tangent(u: Float64Array): Tangent {
     if (this.pressure) return this.underPressure(u, this.pressure);
-    const factor = this.inertia
-      ? this.profile.factor(this.assembled(u), Infinity)
-      : this.factor(this.assembled(u));
+    const factor = this.factor(this.assembled(u));
     if (factor) return { solve: this.solver(factor), stable: true };
     const rest = this.assembled(new Float64Array(this.size), "pointwise");
     for (let shift = FIRST_SHIFT; shift < 1 / Number.EPSILON; shift *= SHIFT_GROWTH) {
@@ -131,7 +108,7 @@ export class Equilibrium {
     return { solve: this.solver(this.rest()), stable: false };
   }
 
-  /** K(0)⁻¹ f in m, in a time step (K(0) + A)⁻¹ f; the factor is kept. */
+  /** K(0)⁻¹ f in m; the factor is kept. */
   linearResponse(f: Float64Array): Float64Array {
     return this.profile.solve(this.rest(), f);
   }
@@ -146,13 +123,9 @@ export class Equilibrium {
   }
 
   private rest(): Factor {
-    const spring = this.inertia?.spring ?? 0;
-    if (this.undeformed?.spring !== spring) {
-      const factor = this.factor(this.assembled(new Float64Array(this.size)));
-      if (!factor) throw new Error("the supports do not hold the body");
-      this.undeformed = { factor, spring };
-    }
-    return this.undeformed.factor;
+    this.undeformed ??= this.factor(this.assembled(new Float64Array(this.size)));
+    if (!this.undeformed) throw new Error("the supports do not hold the body");
+    return this.undeformed;
   }
 
   private solver(factor: Factor): Tangent["solve"] {
@@ -173,19 +146,7 @@ export class Equilibrium {
     this.solid.tangents(kind === "pointwise" && !this.negative ? "full" : kind, (cell, k) =>
       this.profile.add(values, this.numbers.subarray(cell * rows, (cell + 1) * rows), k),
     );
-    if (this.inertia) this.addSprings(values, this.inertia.spring);
     return values;
-  }
-
-  private addSprings(values: Float64Array, spring: number): void {
-    const { motion, d } = this.solid.body;
-    const { starts, nodes, weights } = motion!.mass;
-    for (let row = 0; row < starts.length - 1; row++) {
-      for (let i = starts[row]; i < starts[row + 1]; i++) {
-        for (let j = 0; j < d; j++)
-          this.profile.addOne(values, row * d + j, nodes[i] * d + j, spring * weights[i]);
-      }
-    }
   }
 
   /** K of a state under pressures: K x = (S + A) x, by iterations with S⁻¹. */
@@ -210,7 +171,7 @@ export class Equilibrium {
           (i, row) => (found[i] += dot(k.subarray(row * n, (row + 1) * n), local)),
         );
       }
-      return plus(x, symmetric(found));
+      return found.some(Boolean) ? plus(x, symmetric(found)) : x;
     };
     const solve = (right: Float64Array): Float64Array => solved(turned, symmetric(right));
     return { solve, stable: factor.negative === this.negative };

@@ -23,6 +23,9 @@ export interface FollowingLoad {
   tangents?: (u: Float64Array, use: Use) => void;
 }
 
+/** What acts, if nothing else is asked. */
+export type Acting = Pick<FollowingLoad, "forces" | "tangents">;
+
 /** A unit pressure: forces on the points of every facet, which Python has recorded. */
 class Pressure implements FollowingLoad {
   readonly sign = 1;
@@ -185,7 +188,7 @@ export function followingLoads({ d, coordinates, surfaces, cables }: Body): Foll
 /** Some of them under amplitudes in Pa or N. */
 export class Following {
   constructor(
-    private readonly loads: readonly FollowingLoad[],
+    private readonly loads: readonly Acting[],
     private readonly amplitudes: readonly number[],
   ) {}
 
@@ -217,7 +220,7 @@ export class Following {
     return sum;
   }
 
-  private each(act: (load: FollowingLoad, amplitude: number) => void): void {
+  private each(act: (load: Acting, amplitude: number) => void): void {
     this.loads.forEach((load, i) => {
       if (this.amplitudes[i]) act(load, this.amplitudes[i]);
     });

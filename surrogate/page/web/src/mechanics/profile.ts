@@ -69,15 +69,13 @@ export class Profile {
   add(values: Float64Array, components: Int32Array, k: Float64Array): void {
     const n = components.length;
     for (let a = 0; a < n; a++) {
-      for (let b = 0; b < n; b++)
-        this.addOne(values, components[a], components[b], (k[a * n + b] + k[b * n + a]) / 2);
+      const row = this.place[components[a]];
+      for (let b = 0; b < n && row >= 0; b++) {
+        const column = this.place[components[b]];
+        if (column >= 0 && column <= row)
+          values[this.at(row, column)] += (k[a * n + b] + k[b * n + a]) / 2;
+      }
     }
-  }
-
-  /** Add to the entry of two components, which counts in one of the triangles alone. */
-  addOne(values: Float64Array, one: number, other: number, value: number): void {
-    const [row, column] = [this.place[one], this.place[other]];
-    if (column >= 0 && column <= row) values[this.at(row, column)] += value;
   }
 
   /**

@@ -13,7 +13,7 @@ import { at, gathered, norm, plus } from "./vectors";
 
 let equilibrium: Equilibrium;
 let modes: ActuatedModes;
-let motion: Motion;
+let motion: Motion | null = null;
 let latest = 0;
 
 /** What actuators do. */
@@ -78,7 +78,7 @@ const answers = {
     const { spread, d } = equilibrium.solid.body;
     return forces
       .map((force) => (spread ? gathered(spread, force, d) : force))
-      .map((force) => equilibrium.linearResponse(onPoints(force)));
+      .map((force) => (motion ?? equilibrium).linearResponse(onPoints(force)));
   },
 
   /** The load series in m, at all points, to some order. */
@@ -89,22 +89,20 @@ const answers = {
 
   /** Be at rest at a displacement in m of the nodes. */
   begin: ({ force, pressures }: Loading, start: Float64Array): void => {
-    equilibrium.inertia = null;
     equilibrium.under(pressures);
     motion = new Motion(equilibrium, atPoints(equilibrium, start, onPoints(force)));
   },
 
   /** The end of the next time step, or once more of the last one, as `Motion.step`. */
   step: (loading: Loading, c: number, stiffness: number, isNext: boolean): Moment | null => {
-    if (isNext) motion.goOn();
-    equilibrium.under(loading.pressures);
-    return motion.step(onPoints(loading.force), c, stiffness);
+    if (isNext) motion!.goOn();
+    const force = onPoints(loading.force);
+    return motion!.step({ ...loading, force }, c, stiffness);
   },
 
   /** The error of a displacement in m at the nodes; null once something else is asked for. */
   certificate: async (loading: Loading, given: Float64Array): Promise<Certificate | null> => {
     const asked = latest;
-    equilibrium.inertia = null;
     equilibrium.under(loading.pressures);
     const force = onPoints(loading.force);
     const certificate = await certify(
