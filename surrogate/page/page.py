@@ -31,7 +31,6 @@ from surrogate.learning.probabilistic.distribution import Moments
 from surrogate.learning.training.loop import train
 from surrogate.mechanics.actuation.actuation import Actuation
 from surrogate.mechanics.body.stiffness import modulus_at_rest
-from surrogate.mechanics.descent.aim import require_positive
 from surrogate.page.body import BAND, below, drawn, is_alone, mechanics_of
 from surrogate.page.bundle import read_bundle
 from surrogate.page.inlined import in_base64, inlined, packed
@@ -114,10 +113,9 @@ def write_page(
     Raises
     ------
     InputError
-        If there is no finished run, the file's name or the radius is wrong, the page's script is
-        not built, the mesh has no surface, or body or network are too large for a page.
+        If there is no finished run, the file's name, the radius or the density is wrong, the page's
+        script is not built, the mesh has no surface, or body or network are too large for a page.
     """
-    require_positive("density", density)
     path = Path(out)
     require_suffix(path, (".html",))
     require_writable(path)
@@ -135,6 +133,8 @@ def write_page(
     geometry, arrays = surrogate.geometry, drawn(surrogate.geometry) | mechanics.arrays
     content = described(surrogate, run)
     body = mechanics.body
+    if body is None and density is not None:
+        raise InputError("density: expected none for a page without estimated errors, or motion")
     if body is not None:
         moving, masses = motion_data(surrogate.body, density)
         body, arrays = body | moving, arrays | below("body", masses)

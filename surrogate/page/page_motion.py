@@ -12,7 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared_schema.common.errors import InputError
+from shared_schema.materials import as_tuple
 from shared_schema.motion import Scheme, TimeSettings, densities_of_cells
+from surrogate.mechanics.descent.aim import require_positive
 from surrogate.mechanics.equilibrium.inertia import Masses
 from surrogate.mechanics.statics.body import Body
 from surrogate.page.body import Arrays, below, sparse_rows
@@ -33,16 +35,22 @@ def motion_data(body: Body, density: float | None = None) -> tuple[dict[str, Any
         actuators.
     arrays : dict
         ``motion/mass``, the mass matrix of a component in kg by rows.
+
+    Raises
+    ------
+    InputError
+        If a density is given for a body with actuators.
     """
     geometry, equilibrium = body.geometry, body.equilibrium
-    of_cells = np.full(len(geometry.cells), density or 0.0)
-    try:
-        if density is None:
-            of_cells = densities_of_cells(body.material, geometry.parts, len(of_cells))
-    except InputError:
+    require_positive("density", density)
+    if geometry.actuators is not None and density is not None:
+        raise InputError("density: expected none for a page with actuators, which has no motion")
+    known = [density or each.density for each in as_tuple(body.material)]
+    if geometry.actuators is not None or None in known:
         return {}, {}
-    if geometry.actuators is not None:
-        return {}, {}
+    of_cells = np.full(len(geometry.cells), density)
+    if density is None:
+        of_cells = densities_of_cells(body.material, geometry.parts, len(of_cells))
     settings = TimeSettings(**{"step": FRAME, "duration": FRAME} | (body.case.get("time") or {}))
     of = equilibrium.solid, equilibrium.geometry, settings.rule, of_cells
     masses = Masses.of(*of, lumped=settings.mass == "lumped")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,6 +21,7 @@ from surrogate.mechanics.statics.load import Load
 from surrogate.page.page_motion import motion_data
 from tests.surrogate.mechanics.bodies import box, end_load
 from tests.surrogate.mechanics.series.test_body_series import upper_side
+from tests.surrogate.page.actuated import chambered
 from tests.surrogate.page.page_in_node import PageInNode
 
 Array = NDArray[np.float64]
@@ -168,6 +168,9 @@ def test_settings_of_the_case() -> None:
     assert motion_data(still, 0.1)[0] == motion_data(body)[0]
 
 
-def test_a_density_is_positive(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="density"):
-        surrogate.write_page("beam2d_any", tmp_path / "page.html", density=-1.0)
+def test_densities_that_are_refused() -> None:
+    with pytest.raises(InputError, match="density -1"):
+        motion_data(beam(), -1.0)
+    with pytest.raises(InputError, match="density: expected none"):
+        motion_data(chambered(), 1.0)
+    assert motion_data(chambered()) == ({}, {})

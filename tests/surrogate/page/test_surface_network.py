@@ -118,6 +118,8 @@ def test_page_of_a_large_body(
 ) -> None:
     """A drag acts about the nearest place; the copied command predicts the same."""
     monkeypatch.setattr(body, "BAND", 100)
+    with pytest.raises(InputError, match="density: expected none"):
+        write_page(run, tmp_path / "page.html", density=1.0)
     assert not write_page(run, tmp_path / "page.html").estimates
     model, page = load(run), open_page(tmp_path / "page.html")
     places = page.page.evaluate("surrogatePage.state.content.places")
