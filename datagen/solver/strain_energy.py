@@ -33,8 +33,9 @@ Between two states u and u' the energy changes by exactly the work of the stress
     C_½ = \tfrac12 (C + C'), \quad ΔC = C' - C,
 
 on the strains :math:`\operatorname{sym}(F_½^T ∇v)`, :math:`F_½ = (F + F') / 2`: it conserves
-energy and momenta. Strains that change by less than `SAME` lack the second term, which is of third
-order. The tangent lacks its derivative, which is of second order in ΔC.
+energy and momenta. Where C changes by less than `SAME`, the second term is left out: it is of third
+order, and rounding errors of W over a small change would keep Newton's method from its tolerance.
+The tangent lacks its derivative, which is of second order in ΔC.
 """
 
 from __future__ import annotations
@@ -68,7 +69,7 @@ from shared_schema.materials import (
 )
 
 Expression = Any  # a UFL expression; ufl has no types
-SAME = 1e-6  # of strains: change that is too small for a difference of energies
+SAME = 3e-4  # of C: change below which rounding spoils a difference of energies
 
 
 class _OfUfl:

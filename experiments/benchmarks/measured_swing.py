@@ -110,7 +110,7 @@ class Beam:
         for text in hung(HUNG[load]):
             words += ["--load", text]
         factory(*words, quiet=not motion)
-        return np.load(self._out)  # type: ignore[no-any-return]
+        return np.load(self._out)
 
     def _height(self, displacement: Array) -> float:
         return float(at_feet(displacement, self._mesh)[:, 2].mean())

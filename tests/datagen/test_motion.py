@@ -136,6 +136,20 @@ def test_energy_and_momenta_of_free_flight(material: Material) -> None:
     assert momenta() == pytest.approx(begin, rel=1e-9)
 
 
+@pytest.mark.parametrize("size", [1.0, 0.1, 1e-3])
+def test_energy_of_a_body_that_is_loaded_from_rest(size: float) -> None:
+    """What the force does is all there: where cells hardly move, rounding hides no equilibrium."""
+    problem = body((8, 2), (4.0, 1.0), SOFT)
+    tip = int(np.lexsort(problem.mesh.coordinates.T)[-1])
+    problem.set_load(np.array([tip]), np.array([[0.0, -size]]))
+    motion = moving(problem, scheme="energy-momentum", step=0.5)
+    for _ in range(100):
+        motion.step()
+    found = motion.frame().energies
+    assert motion.halvings == 0
+    assert abs(found.dissipated) < 1e-6 * found.work
+
+
 @pytest.mark.slow
 def test_order_two() -> None:
     """A beam that is let fall: the error is a quarter at half the step, by both schemes."""

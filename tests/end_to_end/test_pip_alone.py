@@ -123,7 +123,7 @@ def link_what_is_needed(name: str, site: Path, seen: set[str]) -> None:
         if not needed.name.startswith("solid-"):
             for top in {file.parts[0] for file in found.files or ()} - {"..", "__pycache__"}:
                 if not (site / top).exists():
-                    (site / top).symlink_to(found.locate_file(top))
+                    (site / top).symlink_to(str(found.locate_file(top)))
         link_what_is_needed(needed.name, site, seen)
 
 
