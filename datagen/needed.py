@@ -13,7 +13,7 @@ DOLFINX = (
     "`surrogate sample` and `surrogate predict --correct` find equilibria without it"
 )
 IMAGES = "expected: pip install 'solid-datagen[images]'"
-GMSH = "expected: pip install 'solid-datagen[mesh]', and on Linux the libraries libGLU and libXft"
+GMSH = "expected: pip install 'solid-datagen[mesh]', and on Linux libGL, libGLU, libXft and libgomp"
 
 
 @contextmanager
