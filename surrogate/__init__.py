@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from surrogate.mechanics.identification.identification import Identification, identify
     from surrogate.mechanics.identification.markers import Markers
     from surrogate.mechanics.motion.frame import Frame
+    from surrogate.mechanics.motion.reduced_motion import ReducedMotion
     from surrogate.mechanics.motion.session import Session
     from surrogate.mechanics.sampling.sampling import sample
     from surrogate.mechanics.touch.grip import Grip, GripFrame
@@ -68,6 +69,7 @@ __all__ = [
     "NetworkModel",
     "OutsideTrainingWarning",
     "Published",
+    "ReducedMotion",
     "Session",
     "Solution",
     "Surrogate",

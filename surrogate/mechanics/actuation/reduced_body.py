@@ -71,6 +71,8 @@ class ReducedBody:
         Of the sampled cells; their volumes are weighted.
     points : array of int
         Numbers of the points of these cells.
+    at_nodes : array, (n_points · d, n_modes)
+        Modes there.
     """
 
     def __init__(
@@ -94,7 +96,7 @@ class ReducedBody:
             solid.volumes *= torch.from_numpy(sample.weights)[:, None]
         self.elements, self.points = solid, nodes
         self._solid, self._shape = solid.compiled, (len(nodes), modes.shape[2])
-        self._at_nodes = np.ascontiguousarray(modes[:, nodes].reshape(len(modes), -1).T)
+        self.at_nodes = np.ascontiguousarray(modes[:, nodes].reshape(len(modes), -1).T)
         of_cells = modes[:, nodes][:, solid.cells.numpy()]
         self._at_cells = np.ascontiguousarray(
             of_cells.reshape(len(modes), len(solid.cells), -1).transpose(1, 2, 0)
@@ -111,14 +113,14 @@ class ReducedBody:
 
     def internal(self, q: Array) -> Array | None:
         """Works of the internal forces in J, (n_modes,); None where a cell is inverted."""
-        state = self._solid.deformed((self._at_nodes @ q).reshape(self._shape))
+        state = self._solid.deformed((self.at_nodes @ q).reshape(self._shape))
         if not state.inside:
             return None
-        return self._at_nodes.T @ self._solid.forces(self._solid.first_piola(state)).ravel()
+        return self.at_nodes.T @ self._solid.forces(self._solid.first_piola(state)).ravel()
 
     def tangent(self, q: Array) -> Array:
         """Derivative of `internal`, (n_modes, n_modes) in J."""
-        u = (self._at_nodes @ q).reshape(1, *self._shape)
+        u = (self.at_nodes @ q).reshape(1, *self._shape)
         of_cells = self._solid.cell_tangents(u)[0].numpy()
         at_cells = self._at_cells
         if of_cells.shape[1] > at_cells.shape[1]:

@@ -125,6 +125,16 @@ class Session:
         self._read: tuple[object, Load] | None = None
         self.begin()
 
+    def masses(self, seconds: float) -> Masses:
+        """Masses and viscosity of the body in steps of a length in s."""
+        nothing = np.zeros(self._equilibrium.free.shape, bool)
+        return self._body_in_steps(seconds, nothing)[0].masses
+
+    @property
+    def displacement_of_points(self) -> Array:
+        """Displacement now of all points of the elements in m, (n_points, d)."""
+        return (self._u if self._now is None else self._now.u).copy()
+
     def begin(
         self,
         load: GivenLoad | CommandLoads | Load | None = None,
