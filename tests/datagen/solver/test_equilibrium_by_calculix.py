@@ -98,7 +98,7 @@ U
 def test_block_of_rubber(tmp_path: Path) -> None:
     raw = box(UPPER, CELLS, simplices=True)
     clamped = np.isclose(raw.coordinates[:, 0], 0.0)
-    load = np.argmax(raw.coordinates.sum(axis=1))[None], np.array([FORCE])
+    load = np.array([raw.coordinates.sum(axis=1).argmax()]), np.array([FORCE])
     expected = by_calculix(raw, clamped, *load, tmp_path, "*STATIC\n0.25, 1.0")[-1]
     mesh = distributed(raw, MPI.COMM_SELF)
     material = MooneyRivlin(c10=C10, c01=0.0, bulk_modulus=BULK)
