@@ -34,6 +34,7 @@ LEAST, LARGEST = 0.05, 0.5  # contractions of which anything is concluded
 MARGIN = 0.4  # of the tolerance: largest estimate that counts as small
 NEWTON = 0.1  # of the allowed error: last step of Newton's method
 NEAR = 0.1  # of the size of a cell: direction that inverts none
+ROUNDING = 1e-14  # of the size of a cell: error of no consequence
 SHORTER = "take shorter time steps"
 
 
@@ -130,7 +131,8 @@ def settled(
         if tool is not None and (change := tool.answer(state.u + d)) is not None:
             d = d + directions.direction(state, -change)
         length, end = longest(d), state.u + d
-        estimate, allowed = contraction.expected(ratios) * length, tolerance * longest(end)
+        estimate = contraction.expected(ratios) * length
+        allowed = max(tolerance * longest(end), ROUNDING * body.equilibrium.cell_size)
         fits = tool is None or tool.fits(end, allowed)
         near = length <= NEAR * body.equilibrium.cell_size
         if fits and estimate <= MARGIN * allowed and (near or not body.is_inverted(end)):

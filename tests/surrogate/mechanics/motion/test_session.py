@@ -198,6 +198,15 @@ def test_held_places_move() -> None:
     assert abs(frame.energies.drift) < 0.01 * energies.work  # let go, it moves on its own
 
 
+def test_a_tool_that_touches_a_body_at_rest_moves_nothing() -> None:
+    body = body_of()
+    top = float(body.geometry.coordinates[:, 1].max())
+    session = Session(body)
+    frame = session.step(H, tool=Sphere((1.0, top + 0.3), 0.3))
+    assert np.abs(frame.displacement).max() < 1e-15
+    np.testing.assert_allclose(frame.reaction, 0.0, atol=1e-12)
+
+
 def test_rebound() -> None:
     """A drop that hits a plane gains the momentum that the plane has given, and leaves it."""
     body = body_of("quad", free=True)
