@@ -136,6 +136,15 @@ class Scheme:
         g = self.alpha_m / (1 - self.alpha_f) * a + self.mass_damping * coasting
         return Begun(u + h * v + h**2 * (0.5 - self.beta) * a, coasting, g)
 
+    def pull(self, mass: Any, begun: Begun, left: State) -> State:
+        """A ũ in N, by the mass matrix and the last forces out of balance R(u, v, t)."""
+        return mass @ (self.spring * begun.u - begun.g) - self.carried * left
+
+    def left(self, mass: Any, a: State, before: State, left: State) -> State:
+        """R(u', v', t') in N at the end, by both accelerations and the last R(u, v, t)."""
+        inertia = mass @ ((1 - self.alpha_m) * a + self.alpha_m * before)
+        return -(inertia + self.alpha_f * left) / (1 - self.alpha_f)
+
     def velocity(self, begun: Begun, u: State) -> State:
         """Return v' in m/s at the end, by the displacement u' there."""
         return begun.v + self.velocity_slope * (u - begun.u)

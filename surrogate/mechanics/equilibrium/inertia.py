@@ -149,8 +149,7 @@ class Inertia:
         """Begin a step from u in m, v in m/s, a in m/s² and R in N, all (n_points, d)."""
         scheme = masses.scheme
         begun = scheme.begin(u, v, a)
-        pull = masses.matrix @ (scheme.spring * begun.u - begun.g) - scheme.carried * left
-        return cls(masses, begun, pull)
+        return cls(masses, begun, scheme.pull(masses.matrix, begun, left))
 
     def forces(self, u: Array) -> Array:
         """−A (u − ũ) − f_v in N, (n_points, d)."""

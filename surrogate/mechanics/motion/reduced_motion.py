@@ -270,7 +270,7 @@ class ReducedMotion:
             self._a = -np.asarray(np.linalg.solve(masses.matrix, self._left), float)
             self._first = False
         begun = scheme.begin(q, v, self._a)
-        pull = masses.matrix @ (scheme.spring * begun.u - begun.g) - scheme.carried * self._left
+        pull = scheme.pull(masses.matrix, begun, self._left)
         moving = MovingModes(modes, masses, begun, pull, self._inverse)
         for start in (q + scheme.step * v, q):
             found = newton(moving, controls, 1.0, Balanced(start, amplitudes), SETTLED)
@@ -280,8 +280,7 @@ class ReducedMotion:
             raise WorkError("the end of a time step is not found: take shorter time steps")
         self._inverse, self._q = moving.inverse, found.state
         a = scheme.acceleration(begun, found.state)
-        inertia = masses.matrix @ ((1 - scheme.alpha_m) * a + scheme.alpha_m * self._a)
-        self._left = -(inertia + scheme.alpha_f * self._left) / (1 - scheme.alpha_f)
+        self._left = scheme.left(masses.matrix, a, self._a, self._left)
         self._v, self._a = scheme.velocity(begun, found.state), a
         self.time += scheme.step
         return self.displacement

@@ -253,8 +253,7 @@ class Session:
         scheme, begun, masses = moving.masses.scheme, step.begun, moving.masses
         u = end.u
         a = scheme.acceleration(begun, u)
-        inertia = masses.matrix @ ((1 - scheme.alpha_m) * a + scheme.alpha_m * last.a)
-        left = -(inertia + scheme.alpha_f * last.left) / (1 - scheme.alpha_f)
+        left = scheme.left(masses.matrix, a, last.a, last.left)
         pushed = np.zeros_like(u) if contact is None else contact.at_points
         given_fields = u, scheme.velocity(begun, u), a, dead, pushed, following, left * body.free
         now = Moment(body, masses, *given_fields)
