@@ -1,4 +1,4 @@
-"""Sliders of actuators, beside a load, and a target of theirs, on a page in Chromium."""
+"""Sliders of actuators, beside a load and a sphere, and a target, on a page in Chromium."""
 
 from __future__ import annotations
 
@@ -10,12 +10,14 @@ import numpy as np
 import pytest
 
 import surrogate
+from shared_schema.tools import Sphere
 from surrogate.command_line import main
 from surrogate.learning.data.dataset import Dataset
 from surrogate.mechanics.statics.load import Load
 from surrogate.page.page_actuators import sliders
 from tests.surrogate.page.actuated import chambered, run_of
 from tests.surrogate.page.browser import OpenPage
+from tests.surrogate.page.test_touch_in_browser import pushed
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
@@ -79,3 +81,17 @@ def test_sliders_loads_and_targets(
     assert page.text("#reached") == "The target is reached."
     page.drag(tip, 120, 90, steps=4)
     assert "out of reach" in page.text("#reached")
+
+    page.page.get_by_text("Remove all").click()  # beside a sphere, as Touch finds it
+    for number, value in enumerate(GIVEN.values()):
+        numbers.nth(number).fill(str(value))
+    tool, actuated = pushed(page, tip, down=-45), Load.of(model.geometry, actuate=GIVEN)
+    touch = surrogate.Touch(model)
+    for away in np.linspace(tool.radius, 0, 7):
+        centre = tuple(float(x) for x in np.subtract(tool.begin, (0, 0, away)))
+        frame = touch.move(Sphere(centre, tool.radius), actuated)
+    assert np.linalg.norm(frame.reaction) > 3
+    apart = page.forces.sum(axis=0) - frame.reaction
+    assert np.linalg.norm(apart) < 2e-2 * np.linalg.norm(frame.reaction)
+    assert page.text("#tool-force").startswith("The sphere pushes by")
+    assert np.abs(page.field("displacement") - frame.displacement).max() < 3e-2 * size
