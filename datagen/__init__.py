@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from shared_schema.checker import check_dataset as check
     from shared_schema.common.errors import InputError, WorkError
 
-__version__ = "0.2.0"
+__version__ = "1.0.0"
 __all__ = [
     "Case",
     "InputError",

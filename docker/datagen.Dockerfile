@@ -48,6 +48,6 @@ HEALTHCHECK --interval=5m --timeout=1m CMD ["datagen", "--version"]
 ARG REVISION=unknown
 LABEL org.opencontainers.image.title="datagen" \
     org.opencontainers.image.description="Neo-Hookean equilibria under random nodal loads, written as datasets" \
-    org.opencontainers.image.version="0.2.0" \
+    org.opencontainers.image.version="1.0.0" \
     org.opencontainers.image.licenses="MIT" \
     org.opencontainers.image.revision="$REVISION"

@@ -43,6 +43,6 @@ HEALTHCHECK --interval=5m --timeout=1m CMD ["surrogate", "--version"]
 ARG REVISION=unknown
 LABEL org.opencontainers.image.title="surrogate" \
     org.opencontainers.image.description="U-Net surrogates of large-deformation solids, trained and judged" \
-    org.opencontainers.image.version="0.2.0" \
+    org.opencontainers.image.version="1.0.0" \
     org.opencontainers.image.licenses="MIT" \
     org.opencontainers.image.revision="$REVISION"

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from shared_schema.shard import read_shard, write_shard
     from shared_schema.stiffness import Stiffness, read_stiffness, write_stiffness
 
-__version__ = "0.2.0"
+__version__ = "1.0.0"
 __all__ = [
     "MANIFEST",
     "Arrays",

@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from surrogate.page.page import write_page
     from surrogate.page.shape import page_of_shape
 
-__version__ = "0.2.0"
+__version__ = "1.0.0"
 __all__ = [
     "ActuatedState",
     "Actuation",

