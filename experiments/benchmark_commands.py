@@ -39,6 +39,7 @@ PROGRAMS = {  # in whose environment a benchmark is measured
     "page": "surrogate",
     "refined-liver": "surrogate",
     "sampling": "surrogate",
+    "seeds": "surrogate",
     "shapes": "surrogate",
     "side-by-side": "surrogate",
     "tools": "surrogate",

@@ -90,6 +90,20 @@ def whole(text: str) -> int:
     return int(text)
 
 
+def seeds(text: str) -> range:
+    """Read A:B, the seeds from A to B - 1.
+
+    Raises
+    ------
+    argparse.ArgumentTypeError
+        If the text is none, or no seed is between.
+    """
+    first, _, end = text.partition(":")
+    if not (first.isdecimal() and end.isdecimal() and int(first) < int(end) <= 2**63):
+        raise argparse.ArgumentTypeError(f"'{text}': expected seeds A:B, A < B, such as 0:5")
+    return range(int(first), int(end))
+
+
 def share(text: str) -> float:
     """Read a number between 0 and 1.
 

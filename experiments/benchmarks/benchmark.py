@@ -24,7 +24,7 @@ from shared_schema.common import Parser, write_text
 DOCS = ROOT / "docs"
 RESULTS, PREFIX = DOCS / "results", "benchmark-"
 Results = dict[str, Any]
-FUNCTIONS = ("measure", "page", "arguments", "variant")
+FUNCTIONS = ("measure", "page", "arguments", "variant", "overview")
 
 
 class Options(Setting):
@@ -84,6 +84,8 @@ class Benchmark:
         Adds the options to a parser.
     variant : callable
         End of the name of the record, from the options; empty if there is one only.
+    overview : callable
+        Makes what the page says of all records together, after `about`.
     about : str
         What holds for all records, at the head of the page; keys of the results in braces.
     part : str
@@ -96,6 +98,7 @@ class Benchmark:
     page: Callable[[Results], str]
     arguments: Callable[[Parser], object] = lambda _: None
     variant: Callable[[argparse.Namespace], str] = lambda _: ""
+    overview: Callable[[Sequence[Record]], str] = lambda _: ""
     about: str = ""
     part: str = ""
 
@@ -143,7 +146,8 @@ class Benchmark:
         files = [record_path(RESULTS, f"{PREFIX}{self.name}")]
         files += sorted(RESULTS.glob(f"{PREFIX}{self.name}-*.json"))
         records = [record for file in files if (record := read_record(file))]
-        blocks = [f"# {self.title}", self.about.format_map(records[0].findings.numbers)]
+        about = self.about.format_map(records[0].findings.numbers)
+        blocks = [f"# {self.title}", about, self.overview(records)]
         for record in records:
             numbers = record.findings.numbers
             if len(records) > 1 and self.part:
@@ -175,9 +179,12 @@ def stored_record(name: str) -> Record:
 def made_by(record: Record) -> str:
     """Processor, software and command of a record."""
     of = ("dolfinx", "dolfinx") if "dolfinx" in record.software else ("PyTorch", "torch")
-    command = record.command.removeprefix("OMP_NUM_THREADS=1 ")
-    command = re.sub(r"\.venv-\w+/bin/python", "python", command)
     return (
         f"{record.machine['processor']}, {record.machine['cores']} cores, "
-        f"{of[0]} {record.software[of[1]]}: `{command}`"
+        f"{of[0]} {record.software[of[1]]}: `{without_environment(record.command)}`"
     )
+
+
+def without_environment(command: str) -> str:
+    """Command without the single thread and the folder of its environment."""
+    return re.sub(r"\.venv-\w+/bin/python", "python", command.removeprefix("OMP_NUM_THREADS=1 "))

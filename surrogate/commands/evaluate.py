@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import json
 from pathlib import Path
+from typing import Any
 
 from shared_schema.common.command_line import Commands, add_command
+from shared_schema.common.files import write_text
 from surrogate.command_options import RUN, add_data, add_device, add_passes, given_passes
 
 
@@ -17,7 +20,7 @@ def add_to(commands: Commands) -> None:
         "measure a run on the test split, draw figures",
         "surrogate evaluate runs/beam2d --data data/beam2d/structured",
     )
-    parser.add_argument("run", type=Path, metavar="RUN", help=RUN)
+    parser.add_argument("run", type=Path, metavar="RUN", help=f"{RUN}, or a folder of seeds")
     add_data(parser, "structured dataset; its test split is used")
     add_device(parser)
     add_passes(parser, "number of passes of a stochastic network (default 300)")
@@ -51,14 +54,30 @@ def add_to(commands: Commands) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    """Evaluate, write, and print the errors."""
+    """Evaluate, write, and print the errors; of several seeds, also how they spread."""
+    from surrogate.learning.evaluation.seeds import lines_of, runs_of_seeds, spread
+    from surrogate.learning.runs.folder import RunFolder
+
+    runs = runs_of_seeds(options.run)
+    if not runs:
+        evaluate(options, options.run, options.out)
+        return
+    into = options.out or options.run
+    found = spread([evaluate(options, run, options.out and into / run.name) for run in runs])
+    write_text(into / "seeds.json", json.dumps(found, indent=1) + "\n")
+    for line in lines_of(found, RunFolder(runs[0]).description().data.units.length):
+        print(f"{into}: {line}")
+
+
+def evaluate(options: argparse.Namespace, run: Path, out: Path | None) -> dict[str, Any]:
+    """Evaluate and write one run, print its errors, and return its measures."""
     import surrogate
     from surrogate.learning.runs.shelf import require_changeable
 
-    require_changeable(options.run, options.out)
+    require_changeable(run, out)
     published = surrogate.read_published(options.beside) if options.beside else None
     evaluation = surrogate.evaluate(
-        options.run,
+        run,
         options.data,
         device=options.device,
         loads=options.loads,
@@ -67,6 +86,7 @@ def run(options: argparse.Namespace) -> None:
         example_displacement=published.example_displacement if published else None,
         **given_passes(options),
     )
-    folder = evaluation.write(options.out)
+    folder = evaluation.write(out)
     for line in evaluation.lines():
-        print(f"{folder}: {line}")
+        print(f"{folder}: {line}", flush=True)
+    return evaluation.content

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import argparse
 import math
+import time
 from pathlib import Path
 
 from shared_schema.common.command_line import Commands, add_command, add_set
-from surrogate.command_options import add_data, add_device, speaks
+from shared_schema.common.errors import InputError
+from surrogate.command_options import add_data, add_device, seeds, speaks
 
-PASSED_ON = ("device", "stop_after", "seconds", "tensorboard", "start_from")
+PASSED_ON = ("device", "stop_after", "tensorboard", "start_from")
 
 
 def add_to(commands: Commands) -> None:
@@ -21,12 +23,21 @@ def add_to(commands: Commands) -> None:
         "surrogate train beam2d-det-fast --data data/beam2d/structured --out runs/beam2d",
         "surrogate train beam2d-det-fast --data data/beam2d/structured --out runs/beam2d "
         "--set training.epochs=100",
+        "surrogate train beam2d-det-fast --data data/beam2d/structured --out runs/beam2d-seeds "
+        "--seeds 0:5",
     )
     parser.add_argument("config", metavar="CONFIG", help="YAML file, or the name of a recipe")
     what = "structured dataset; repeated, several of one case are joined"
     add_data(parser, what, several=True)
     parser.add_argument("--out", type=Path, required=True, metavar="RUN", help="run folder")
     add_set(parser, "the configuration", "training.epochs=20")
+    parser.add_argument(
+        "--seeds",
+        type=seeds,
+        metavar="A:B",
+        help="train with each seed from A to B - 1, in RUN/seed-A …; surrogate evaluate RUN then "
+        "says how far they spread",
+    )
     add_device(parser)
     parser.add_argument(
         "--stop-after",
@@ -68,7 +79,18 @@ def run(options: argparse.Namespace) -> None:
     if options.dry_run:
         print(surrogate.dry_run(config, options.data, device=options.device))
         return
+    if options.seeds and (options.out / "config.yaml").is_file():
+        raise InputError(f"--out '{options.out}': a run, expected a folder for the runs of --seeds")
+    if options.seeds and any(change.partition("=")[0] == "seed" for change in options.changes):
+        raise InputError("--set seed and --seeds: expected one of them")
     given = {name: getattr(options, name) for name in PASSED_ON}
-    surrogate.train(config, options.data, options.out, **given)
-    if speaks():
-        print(f"{options.out}: {RunFolder(options.out).progress()}")
+    began, left = time.monotonic(), options.seconds
+    for seed in options.seeds or [config.seed]:
+        out = options.out / f"seed-{seed}" if options.seeds else options.out
+        seeded = config.model_copy(update={"seed": seed})
+        surrogate.train(seeded, options.data, out, seconds=left, **given)
+        if speaks():
+            print(f"{out}: {RunFolder(out).progress()}", flush=True)
+        left = began + options.seconds - time.monotonic()
+        if left <= 0:
+            break

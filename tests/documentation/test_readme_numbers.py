@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 import json
-import re
 from typing import Any
 
 import pytest
 import yaml
 
+from experiments.benchmarks.seeds import ROW
 from tests.end_to_end.commands import ROOT
 
 README = (ROOT / "README.md").read_text()
-ROW = re.compile(
-    r"^\| `(?P<case>\w+)`[^|]*\| \[(?P<error>[\d.]+)\]\((?P<record>\S+) \"(?P<keys>[^\"]+)\"\) "
-    r"\| (?P<paper>\S+) \| (?P<minutes>\w+)(?: min)? \| (?P<paper_minutes>\S+)(?: min)? \|$",
-    re.MULTILINE,
-)
 ROWS = [row.groupdict() for row in ROW.finditer(README)]
 PAPER = yaml.safe_load((ROOT / "experiments" / "paper" / "paper.yaml").read_text())["networks"]
 
