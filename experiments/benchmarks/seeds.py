@@ -71,21 +71,17 @@ def kept(content: Mapping[str, Any]) -> Results:
 
 def page(results: Results) -> str:
     """Make what the page says of one record: a line for each seed."""
+    of = results["spread"]
     return table_of(
         results["runs"],
         {
             "seed": "{seed}",
-            "ē, 10⁻³ m": lambda run: mm(run["test"]["mean_error"]),
-            "σ(e)": lambda run: mm(run["test"]["std_error"]),
+            "ē, 10⁻³ m": lambda run: fixed(run["test"]["mean_error"], of["mean_error"]),
+            "σ(e)": lambda run: fixed(run["test"]["std_error"], of["std_error"]),
             "inside the 95 % intervals": inside,
             "training, min": lambda run: f"{run['training_seconds'] / 60:.1f}",
         },
     )
-
-
-def mm(metres: float) -> str:
-    """Write a length in 10⁻³ m."""
-    return f"{1e3 * metres:.3g}"
 
 
 def inside(run: Mapping[str, Any]) -> str:
@@ -99,10 +95,15 @@ def inside(run: Mapping[str, Any]) -> str:
 def overview(records: Sequence[Record]) -> str:
     """Make README's table with the spread over the seeds, and where its numbers are from."""
     rows = [row.groupdict() for row in ROW.finditer((ROOT / "README.md").read_text())]
+    rows = [row | {"record": row["record"].removeprefix("docs/")} for row in rows]
     over = {record.experiment.partition("seeds-")[2]: record.findings.numbers for record in records}
 
     def of_seeds(write: Callable[[Results], str]) -> Callable[[dict[str, str]], str]:
         return lambda row: write(over[name]) if (name := Path(row["record"]).stem) in over else "–"
+
+    def same_data(row: dict[str, str]) -> str:
+        digest = record_of(row).get("data_digest")
+        return of_seeds(lambda of: "same" if of["data_digest"] == digest else "other")(row)
 
     spreads = table_of(
         rows,
@@ -112,11 +113,12 @@ def overview(records: Sequence[Record]) -> str:
             "ē, 10⁻³ m": of_seeds(lambda numbers: mean_and_std(numbers["spread"]["mean_error"])),
             "range": of_seeds(lambda numbers: ends(numbers["spread"]["mean_error"])),
             "README, seed 0": "{error}",
+            "its dataset": same_data,
             "paper": "{paper}",
         },
     )
     sources = table_of(
-        [row | {"record": row["record"].removeprefix("docs/")} for row in rows],
+        rows,
         {
             "network": "{label}",
             "ē here": "{error}: [record](../{record}) `{keys}`",
@@ -130,7 +132,8 @@ def overview(records: Sequence[Record]) -> str:
 
 def mean_and_std(of: Mapping[str, Any]) -> str:
     """Write mean ± standard deviation in 10⁻³ m; the mean alone of one seed."""
-    return f"{fixed(of['mean'], of)} ± {fixed(of['std'], of)}" if of["std"] else mm(of["mean"])
+    mean = fixed(of["mean"], of)
+    return f"{mean} ± {fixed(of['std'], of)}" if of["std"] else mean
 
 
 def ends(of: Mapping[str, Any]) -> str:
@@ -139,15 +142,20 @@ def ends(of: Mapping[str, Any]) -> str:
 
 
 def fixed(metres: float, of: Mapping[str, Any]) -> str:
-    """Write a length in 10⁻³ m, to the second digit of the standard deviation."""
+    """Write a length in 10⁻³ m to the second digit of the standard deviation, or of one seed."""
     digits = 1 - math.floor(math.log10(1e3 * (of["std"] or of["mean"])))
     return f"{1e3 * metres:.{max(0, digits)}f}"
 
 
+def record_of(row: Mapping[str, str]) -> dict[str, Any]:
+    """Read the record that a row of README links to."""
+    content: dict[str, Any] = json.loads((DOCS / row["record"]).read_text())
+    return content
+
+
 def training_source(row: Mapping[str, str]) -> str:
     """Key of the training time of a row of README."""
-    content = json.loads((DOCS / row["record"]).read_text())
-    if "training_seconds" in content:
+    if "training_seconds" in record_of(row):
         return f"{row['minutes']} min: `training_seconds`"
     return row["minutes"] if row["minutes"] == "none" else f"{row['minutes']} min: no record"
 
@@ -162,7 +170,7 @@ def paper_source(row: Mapping[str, str]) -> str:
 
 def commands(row: Mapping[str, str]) -> str:
     """Commands that make the record of a row of README again."""
-    content = json.loads((DOCS / row["record"]).read_text())
+    content = record_of(row)
     listed = content["commands"] if "commands" in content else [content["command"]]
     return "<br>".join(f"`{without_environment(command)}`" for command in listed)
 
@@ -183,10 +191,11 @@ def variant(options: argparse.Namespace) -> str:
 TITLE = "Several seeds"
 ABOUT = (
     "README's [table of results](../../README.md#results-beside-the-papers) has single runs, of "
-    "seed 0. Here the same recipes are trained with several seeds, which draw the initial weights, "
-    "the validation samples and the order of the batches; the dataset stays. ē is the mean error "
-    "on its test split: mean ± standard deviation over the seeds (with n − 1), and range. The "
-    "paper has one number of each. Trainings ran on one thread, beside other work. Load series "
-    "without a network have no seed."
+    "seed 0, some of earlier versions and datasets. Here the same recipes are trained with several "
+    "seeds, which draw the initial weights, the validation samples and the order of the batches; "
+    "the dataset stays. ē is the mean error on its test split: mean ± standard deviation over the "
+    "seeds (with n − 1), and range. The paper has one number of each; the second table has its "
+    "keys in [paper.yaml](../../experiments/paper/paper.yaml). Trainings ran on one thread, beside "
+    "other work, which bears on their times. Load series without a network have no seed."
 )
 PART = "`{config[name]}`"

@@ -39,8 +39,8 @@ def test_seeds_are_added_to_the_record(
     errors = [run["test"]["mean_error"] for run in (first, second, third)]
     assert numbers["spread"]["mean_error"]["mean"] == pytest.approx(sum(errors) / 3, rel=1e-5)
     text = page.read_text()
-    assert f"| 2 | {1e3 * errors[2]:.3g} | " in text
-    assert "| `beam2d`: U-Net | – | – | – | 0.061 | 0.3 |" in text
+    assert f"| 2 | {fixed(errors[2], numbers['spread']['mean_error'])} | " in text
+    assert "| `beam2d`: U-Net | – | – | – | 0.061 | – | 0.3 |" in text
     other = make_dataset(tmp_path / "other", seed=1)
     with pytest.raises(InputError, match="its record is of another configuration or dataset"):
         of_seeds.run([str(config), "--data", str(other), *work], "seeds")
@@ -51,5 +51,5 @@ def test_digits_are_those_of_the_standard_deviation() -> None:
     of = {"mean": 6.0567e-5, "std": 5.22e-6, "min": 5.6e-5, "max": 6.6e-5}
     assert mean_and_std(of) == "0.0606 ± 0.0052"
     assert fixed(of["max"], of) == "0.0660"
-    assert mean_and_std({"mean": 0.00156, "std": None}) == "1.56"
+    assert mean_and_std({"mean": 0.00156, "std": None}) == "1.6"
     assert mean_and_std({"mean": 0.3, "std": 0.02}) == "300 ± 20"
