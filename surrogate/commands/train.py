@@ -11,6 +11,7 @@ from shared_schema.common.command_line import Commands, add_command, add_set
 from shared_schema.common.errors import InputError
 from surrogate.command_options import add_data, add_device, seeds, speaks
 
+SHORT = 1e-9  # s, for an epoch
 PASSED_ON = ("device", "stop_after", "tensorboard", "start_from")
 
 
@@ -91,6 +92,6 @@ def run(options: argparse.Namespace) -> None:
         surrogate.train(seeded, options.data, out, seconds=left, **given)
         if speaks():
             print(f"{out}: {RunFolder(out).progress()}", flush=True)
-        left = began + options.seconds - time.monotonic()
-        if left <= 0:
-            break
+        if options.seconds < math.inf and not RunFolder(out).is_finished:
+            break  # on all ranks alike
+        left = max(began + options.seconds - time.monotonic(), SHORT)
