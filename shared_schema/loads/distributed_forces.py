@@ -33,11 +33,7 @@ from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
 from shared_schema.common.bodies.cells import boundary_facets
-from shared_schema.common.bodies.distributed_loads import (
-    SurfacePatches,
-    facet_shares,
-    nodal_volumes,
-)
+from shared_schema.common.bodies.distributed_loads import SurfacePatches, facet_shares
 from shared_schema.common.bodies.groups import facets_in
 from shared_schema.common.units import Size
 from shared_schema.loads.family import (
@@ -202,9 +198,7 @@ class BodyForce(LoadFamily):
     def draw(self, number: int, seed: int, loadable: LoadableNodes) -> LoadCase:
         """Draw the force density and convert it to forces."""
         density = generator(seed, number).uniform(*self.range, size=loadable.dimension)
-        points = loadable.points
-        cells = (loadable.cells if points is None else points.cells)[loadable.cells_inside]
-        return loadable.under(np.outer(nodal_volumes(loadable.positions, cells), density))
+        return loadable.under(np.outer(loadable.volumes, density))
 
     def loads_per_sample(self, loadable: LoadableNodes) -> int:
         """Number of loaded nodes: all nodes of the region that are not clamped."""

@@ -22,6 +22,7 @@ from pydantic import (
 )
 
 from shared_schema.common.bodies.cells import outward_facets
+from shared_schema.common.bodies.distributed_loads import nodal_volumes
 from shared_schema.common.bodies.groups import GroupParts, cells_in, facets_in
 from shared_schema.common.bodies.points_between import PointsBetween
 from shared_schema.common.configuration import Frozen, absent, first_problem
@@ -122,6 +123,12 @@ class LoadableNodes:
         """Cells whose nodes all lie in the region, (n_cells,); of a group of cells, those of it."""
         inside = cells_in(self.cells, self._in_region, None)
         return inside & cells_in(self.cells, self._in_region, self.parts)
+
+    @cached_property
+    def volumes(self) -> NDArray[np.float64]:
+        """∫ N_a dV over the cells of the region, for every point: (n_points,) in m³."""
+        cells = (self.cells if self.points is None else self.points.cells)[self.cells_inside]
+        return nodal_volumes(self.positions, cells)
 
     @property
     def _in_region(self) -> NDArray[np.bool_]:

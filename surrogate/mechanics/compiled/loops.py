@@ -161,6 +161,51 @@ def outputs_of(
 
 
 @compiled
+def stress_and_forces(
+    cells: Cells, programs: Programs, fibres: Array, u: Array, f: Array, piola: Array, out: Array
+) -> bool:
+    """Write F and P, and add forces, in one go; whether J is positive and finite everywhere.
+
+    Parameters
+    ----------
+    cells, programs, fibres
+        As of `outputs_of`, of J and P.
+    u, out : array, (n_nodes, d)
+    f, piola : array, (n_rows, d, d, n)
+    """
+    blocks, points, corners, d, row = cells.gradients.shape
+    of_corners, forces = np.empty((corners, d, row)), np.empty((corners, d, row))
+    weighted, beside, inside = np.empty((d, d, row)), np.empty((0, row)), True
+    values, known = np.zeros((1, programs.slots, row)), np.empty((1, programs.slots), np.bool_)
+    begin(values, known)
+    known[0, : programs.inputs] = True
+    for block in range(blocks):
+        law = cells.laws[block]
+        at_corners(cells.nodes[block], u, of_corners)
+        forces[:] = 0
+        for p in range(points):
+            place = block * points + p
+            slopes_of(cells.gradients[block, p], of_corners, f[place])
+            for i in range(d):
+                for q in range(row):
+                    f[place, i, i, q] += 1
+            _set_inputs(f[place], fibres[block], beside, values[0])
+            run(programs, law, 0, values, known)
+            j, volumes = values[0, programs.outputs[law, 0]], cells.volumes[place]
+            for q in range(row):
+                inside &= 0 < j[q] < np.inf
+            for i in range(d):
+                for k in range(d):
+                    stress = values[0, programs.outputs[law, 1 + i * d + k]]
+                    for q in range(row):
+                        piola[place, i, k, q] = stress[q]
+                        weighted[i, k, q] = volumes[q] * stress[q]
+            add_forces(cells.gradients[block, p], weighted, forces)
+        add_at_nodes(cells.nodes[block], forces, out)
+    return inside
+
+
+@compiled
 def mean(cells: Cells, block: int, values: Array, out: Array) -> None:
     """Write the means over the cells of a block, 0 beside: rows → (d, d, n)."""
     points, (d, _, row) = cells.gradients.shape[1], out.shape

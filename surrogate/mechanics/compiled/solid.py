@@ -71,7 +71,10 @@ class CompiledSolid:
             if solid.projects or name != "slope"
         }
         self._functions: loops.Functions | None = None
-        if solid.projects:
+        self._at_once: Programs | None = None
+        if not solid.projects:
+            self._at_once = Programs.of(laws, 0, ["volume", "stress"])
+        else:
             shapes = solid.shapes.numpy()
             values = np.broadcast_to(shapes, (len(volumes), *shapes.shape))
             self._functions = loops.Functions(solid.corners.numpy(), self.cells.of_points(values))
@@ -97,6 +100,20 @@ class CompiledSolid:
         """P in Pa, no meaning if a cell is inverted: rows."""
         beside = self._beside(state)
         return self._outputs("stress", state.f, beside).reshape(state.f.shape)
+
+    def stressed(self, u: Array) -> tuple[Array, Array, Array, bool]:
+        """F and P in rows, forces in N, and whether no cell is inverted: (n_points, d) in m.
+
+        P and forces have no meaning if one is.
+        """
+        if self._at_once is None:
+            state = self.deformed(u)
+            piola = self.first_piola(state)
+            return state.f, piola, self.forces(piola), state.inside
+        f, piola = np.empty((2, len(self.cells.volumes), *self._tensor))
+        out = np.zeros(u.shape)
+        of = self.cells, self._at_once, self._fibres, np.ascontiguousarray(u)
+        return f, piola, out, loops.stress_and_forces(*of, f, piola, out)
 
     def _beside(self, state: Deformed, relaxed: bool = False) -> list[Array]:
         """θ and p, if there are some; p of a relaxed tangent is zero."""
@@ -125,7 +142,7 @@ class CompiledSolid:
         """f_int in N, no meaning if a cell is inverted: (N, n_points, d) in m → same."""
         found = np.zeros(u.shape)
         for row, each in enumerate(u):
-            found[row] = self.forces(self.first_piola(self.deformed(each)))
+            found[row] = self.stressed(each)[2]
         return found
 
     def viscous_forces(self, viscosity: Array, u: Array, v: Array) -> Array:

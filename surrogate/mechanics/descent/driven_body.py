@@ -83,13 +83,12 @@ class BodyOfStates:
 
         None if a cell is inverted or a number is not finite.
         """
-        at_points = self.solid.deformed(u)
-        if not at_points.inside:
+        f, piola, internal, inside = self.solid.stressed(u)
+        if not inside:
             return None
-        piola = self.solid.first_piola(at_points)
         external = self.equilibrium.external(u[None], force[None])[0]
-        r = (self.solid.forces(piola) - external) * self.equilibrium.free
-        return State(u, r, at_points.f, piola) if np.isfinite(r).all() else None
+        r = (internal - external) * self.equilibrium.free
+        return State(u, r, f, piola) if np.isfinite(r).all() else None
 
     def is_dead(self) -> bool:
         """Whether the forces of loads do not follow it, nor points between its nodes."""
