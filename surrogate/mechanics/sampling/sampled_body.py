@@ -8,7 +8,6 @@ elements are those of the finite elements, and so are the equilibria, to roundin
 
 from __future__ import annotations
 
-import gc
 import platform
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -46,7 +45,6 @@ from surrogate.mechanics.statics.load import Load
 from surrogate.mechanics.statics.prediction import Series
 
 Array = NDArray[np.float64]
-SHAPES = 16  # whose bodies, which refer to each other, are in memory at most
 ORDER, PREDICTED = 4, 32  # of the series' last term, and loads that are predicted together
 CONVERGED, DIVERGED = 2, -5  # PETSc's reasons: the tolerance is met, too many iterations
 
@@ -190,9 +188,7 @@ class SampledBody:
         if geometry.shapes is None:
             yield from self._solved(numbers)
             return
-        for count, number in enumerate(numbers):
-            if count % SHAPES == 0:
-                gc.collect()
+        for number in numbers:
             values = geometry.shapes.drawn(self.loads.seed, number)
             tangled = geometry.shapes.problem(values, geometry.cells, geometry.cell_type)
             if tangled is None:

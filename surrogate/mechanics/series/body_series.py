@@ -75,7 +75,7 @@ class BodySeries(nn.Module):
         super().__init__()
         self.equilibrium, self.order, self.compiled = equilibrium, order, True
         self.solid = equilibrium.solid.apart()
-        self._respond = respond or self._by_factor
+        self._respond = respond
         self._respond_to_arrays = respond_to_arrays or equilibrium.linear_response
         self._precision = np.float64 if precision == torch.float64 else np.float32
         self._weights = Weights(self.solid)
@@ -141,7 +141,7 @@ class BodySeries(nn.Module):
         """u₁ in m, of dead forces in N and following loads as of a call."""
         if units is not None and amplitudes is not None:
             forces = forces + units.term(amplitudes, [])
-        return self._respond(forces)
+        return self._response(forces)
 
     def forward(
         self,
@@ -220,10 +220,12 @@ class BodySeries(nn.Module):
             forces = -solid.forces_of(path.next_stress()[:, :, 0])
             if units is not None and amplitudes is not None:
                 forces = forces + units.term(amplitudes, u)
-            u.append(self._respond(forces.to(first.dtype)).double())
+            u.append(self._response(forces.to(first.dtype)).double())
             slopes.append(solid.slopes(u[-1])[:, :, None])
         return u, torch.cat(slopes, 2)
 
-    def _by_factor(self, forces: Tensor) -> Tensor:
+    def _response(self, forces: Tensor) -> Tensor:
+        if self._respond is not None:
+            return self._respond(forces)
         f = forces.detach().cpu().numpy() * self.equilibrium.free
         return torch.from_numpy(self.equilibrium.linear_response(f)).to(forces)

@@ -26,6 +26,7 @@ The derivatives of c with respect to the terms are those of the last step, from 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from math import inf
 from typing import NamedTuple
 
@@ -127,7 +128,7 @@ class Weights:
     """
 
     def __init__(self, solid: Solid) -> None:
-        self.solid, self._replayed = solid, Replayed(self._advanced, most=GRAPHS)
+        self.solid = solid
         assert solid.laws  # which exporters cannot trace
         self._moduli = solid.moduli_of_cells()[:, None, None]
         self._stiffness = float((self._moduli[:, 0] * solid.volumes.cpu()).sum())
@@ -206,9 +207,13 @@ class Weights:
                 places = torch.cat((places, places[:1].expand(size - len(places))))
                 rows, search, terms = rows[places], search.some(places), terms.some(places)
             given = (each for each in (*search, *terms) if each is not None)
-            search = Search(*self._replayed(*given))
+            search = Search(*(self._replayed if on_gpu else self._advanced)(*given))
         found[rows[left]] = torch.where(search.is_last[:, None], search.after, search.c)[left]
         return found
+
+    @cached_property
+    def _replayed(self) -> Replayed:
+        return Replayed(self._advanced, most=GRAPHS)
 
     def _advanced(self, *given: Tensor) -> tuple[Tensor, ...]:
         """Take a step; a function of tensors alone."""

@@ -212,7 +212,7 @@ class Solid(nn.Module):
         """The same in compiled loops, in double precision on the CPU."""
         from surrogate.mechanics.compiled.solid import CompiledSolid  # Numba: half a second
 
-        return CompiledSolid(self)
+        return CompiledSolid(copy(self))  # they do not refer to each other
 
     def projected(self, values: Tensor) -> Tensor:
         """Π of values at the points: (n_cells, N, n_points) → same."""

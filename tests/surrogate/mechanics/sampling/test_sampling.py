@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -66,6 +68,21 @@ def test_loads_are_drawn_and_in_equilibrium(beam: Path, tmp_path: Path) -> None:
         exact = correct(body.equilibrium, load, np.zeros_like(load), 1e-12).displacement
         u = found["samples/displacement"][row]
         assert np.abs(u - exact).max() < 1e-8 * np.abs(exact).max()
+
+
+@pytest.mark.parametrize("element", ["linear", "incompressible"])
+def test_bodies_leave_the_memory_at_once(tmp_path: Path, element: str) -> None:
+    """Their parts do not refer to each other, so that those of many shapes are not kept."""
+    sampled = SampledBody.read(build(tmp_path, dataset=SHARDS, load=LOAD, element=element), 3)
+    assert len(list(sampled.solved(range(3)))) == 3
+    of = sampled.body.equilibrium
+    parts = [weakref.ref(each) for each in (sampled.body, of, of.solid, of.layout)]
+    gc.disable()
+    try:
+        del sampled, of
+        assert [part() for part in parts] == [None] * len(parts)
+    finally:
+        gc.enable()
 
 
 def test_growth_changes_nothing(beam: Path, tmp_path: Path) -> None:
