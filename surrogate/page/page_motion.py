@@ -9,19 +9,18 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from shared_schema.common.errors import InputError
 from shared_schema.materials import as_tuple
 from shared_schema.motion import Scheme, TimeSettings, densities_of_cells
 from surrogate.mechanics.descent.aim import require_positive
 from surrogate.mechanics.equilibrium.inertia import Masses
+from surrogate.mechanics.motion.moving_body import MovingBody
 from surrogate.mechanics.statics.body import Body
 from surrogate.page.body import Arrays, below, sparse_rows
 
 FRAME = 1 / 60  # s of a screen: the longest time step
 STEPS = 50  # of the first vibration, at least
-ROUNDS = 12  # of inverse iteration for it
 
 
 def motion_data(body: Body, density: float | None = None) -> tuple[dict[str, Any], Arrays]:
@@ -54,7 +53,7 @@ def motion_data(body: Body, density: float | None = None) -> tuple[dict[str, Any
     settings = TimeSettings(**{"step": FRAME, "duration": FRAME} | (body.case.get("time") or {}))
     of = equilibrium.solid, equilibrium.geometry, settings.rule, of_cells
     masses = Masses.of(*of, lumped=settings.mass == "lumped")
-    frequency = first_frequency(body, masses)
+    frequency = MovingBody(equilibrium, masses).frequency
     step = min(FRAME, 2 * np.pi / frequency / STEPS)
     scheme = Scheme.generalised_alpha(step, settings.dissipation)
     text = {
@@ -68,17 +67,3 @@ def motion_data(body: Body, density: float | None = None) -> tuple[dict[str, Any
         "damping": settings.damping.mass / (2 * frequency),
     }
     return {"motion": text}, below("motion/mass", sparse_rows(masses.matrix))
-
-
-def first_frequency(body: Body, masses: Masses) -> float:
-    """Frequency ω in 1/s of the slowest small vibration, by inverse iteration from falls."""
-    equilibrium = body.equilibrium
-    points, d = equilibrium.free.shape
-    u: NDArray[np.float64] = np.eye(d)[:, None] + np.zeros((d, points, d))
-    for _ in range(ROUNDS):
-        pull = np.stack([masses.matrix @ each for each in u])
-        u = equilibrium.linear_response(pull)
-        kinetic = [float(np.vdot(each, masses.matrix @ each)) for each in u]
-        squares = [np.vdot(*each[:2]) / each[2] for each in zip(u, pull, kinetic, strict=True)]
-        u /= np.sqrt(kinetic)[:, None, None]
-    return float(np.sqrt(min(squares)))

@@ -19,6 +19,7 @@ from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 CLOSE = 1e-12  # relative residual of an acceleration
+ROUNDS = 12  # of inverse iteration for a frequency
 
 
 @dataclass(frozen=True)
@@ -49,6 +50,19 @@ class MovingBody:
         """The body in one step, under loads that follow it."""
         body = replace(self.driven, equilibrium=self.driven.equilibrium.moving(step))
         return body.under(following)
+
+    @cached_property
+    def frequency(self) -> float:
+        """Frequency ω in 1/s of the slowest small vibration, by inverse iteration from falls."""
+        points, d = self.equilibrium.free.shape
+        u: Array = np.eye(d)[:, None] + np.zeros((d, points, d))
+        for _ in range(ROUNDS):
+            pull = np.stack([self.masses.matrix @ each for each in u])
+            u = self.equilibrium.linear_response(pull)
+            kinetic = [float(np.vdot(each, self.masses.matrix @ each)) for each in u]
+            squares = [np.vdot(*each[:2]) / each[2] for each in zip(u, pull, kinetic, strict=True)]
+            u /= np.sqrt(kinetic)[:, None, None]
+        return float(np.sqrt(min(squares)))
 
     def acceleration(self, force: Array) -> Array:
         """M⁻¹ f in m/s² at free components, 0 at others: (n_points, d) in N → same."""

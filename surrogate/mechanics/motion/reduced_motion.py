@@ -20,6 +20,7 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.stats.qmc import LatinHypercube
 
 from shared_schema.actuators import Control
 from shared_schema.common.arguments import checked_arguments, real_numbers
@@ -213,7 +214,7 @@ class ReducedMotion:
         q = np.asarray(np.linalg.lstsq(flat.T, fields.reshape(len(fields), -1).T)[0].T, float)
         sample = sampled_cells(body, units, found, q, amplitudes, seed)
         self.reduced = ReducedBody(body, units, found, sample)
-        self._masses = ModalMasses.of(session.masses(step), self.reduced, sample.cells)
+        self._masses = ModalMasses.of(session.in_steps(step).masses, self.reduced, sample.cells)
         self._works = np.array([self.reduced.works_of(load) for load in self._loads])
         self._inverse: Array | None = None
         self.begin()
@@ -314,6 +315,9 @@ class ReducedMotion:
 class Driven:
     """Motions of the whole body under what varies at random.
 
+    Amplitudes and frequencies are those of a Latin hypercube (McKay et al. 1979), so that few
+    motions have large ones as well.
+
     Attributes
     ----------
     session : Session
@@ -330,23 +334,30 @@ class Driven:
 
     def states(self, motions: int) -> tuple[Array, Array]:
         """Displacements of all points in m, (n, n_points, d), and amplitudes, (n, n_actuators)."""
-        geometry, low = self.session.body.geometry, self._frequency()
+        geometry, n = self.session.body.geometry, len(self.loads)
+        low = self.session.in_steps(self.step).frequency / (2 * np.pi)
         actuators = () if geometry.actuators is None else geometry.actuators.actuators
         names = () if geometry.actuators is None else geometry.actuators.names
         limits = np.array([each.limits for each in actuators]).reshape(-1, 2).T
-        fields, amplitudes = [], []
-        for motion in range(motions):
-            lets_go = motion % LET_GO == 0
-            most = LARGEST * self.random.uniform(-1, 1, len(self.loads))
-            rates = self.random.uniform(*FREQUENCIES, len(self.loads) + len(actuators)) * low
-            values = limits[0] + self.random.uniform(size=len(actuators)) * np.ptp(limits, axis=0)
+        fields, amplitudes, of_actuators = [], [], len(actuators)
+        let_go = -(-motions // LET_GO)
+        drawn = [
+            LatinHypercube(2 * (n + of_actuators), seed=self.random).random(count)
+            for count in (let_go, motions - let_go)
+        ]
+        for motion, row in enumerate(np.concatenate(drawn)):
+            lets_go = motion < let_go
+            most, share, rates = np.split(row, [n, n + of_actuators])
+            most = LARGEST * (2 * most - 1)
+            values = limits[0] + share * np.ptp(limits, axis=0)
+            rates = low * (FREQUENCIES[0] + np.ptp(FREQUENCIES) * rates)
             held = self._load(most, dict(zip(names, values.tolist(), strict=True)))
             self.session.begin(held if lets_go else None)
             for number in range(1, STEPS + 1):
                 waves = np.sin(2 * np.pi * rates * number * self.step) * (not lets_go)
-                now = values * np.abs(waves[len(self.loads) :])
+                now = values * np.abs(waves[n:])
                 given = dict(zip(names, now.tolist(), strict=True))
-                self.session.step(self.step, self._load(most * waves[: len(self.loads)], given))
+                self.session.step(self.step, self._load(most * waves[:n], given))
                 if number % EVERY == 0:
                     fields.append(self.session.displacement_of_points)
                     amplitudes.append(now)
@@ -358,13 +369,3 @@ class Driven:
         for factor, load in zip(factors, self.loads, strict=True):
             found = replace(found, dead=found.dead + factor * load.dead)
         return found
-
-    def _frequency(self) -> float:
-        """Nearly that of the slowest vibration in Hz: Rayleigh's quotient of random forces."""
-        body, mass = self.session.body.equilibrium, self.session.masses(self.step).matrix
-        force = mass @ self.random.normal(size=body.free.shape) * body.free
-        for _ in range(4):
-            u = body.linear_response(force[None])[0]
-            quotient = float(np.vdot(u, force) / np.vdot(u, mass @ u))
-            force = mass @ u * body.free / np.linalg.norm(u)
-        return float(np.sqrt(quotient) / (2 * np.pi))

@@ -125,10 +125,9 @@ class Session:
         self._read: tuple[object, Load] | None = None
         self.begin()
 
-    def masses(self, seconds: float) -> Masses:
-        """Masses and viscosity of the body in steps of a length in s."""
-        nothing = np.zeros(self._equilibrium.free.shape, bool)
-        return self._body_in_steps(seconds, nothing)[0].masses
+    def in_steps(self, seconds: float) -> MovingBody:
+        """The body in steps of a length in s."""
+        return self._body_in_steps(seconds, np.zeros(self._equilibrium.free.shape, bool))[0]
 
     @property
     def displacement_of_points(self) -> Array:
