@@ -20,7 +20,7 @@ def energy(c: Any, mu: float, lam: float) -> Any:
     return mu / 2 * (trace(c) - 3 - 2 * log(j)) + lam / 4 * (j**2 - 1 - 2 * log(j))
 
 
-def prepared(p: dict[str, Any]) -> Callable[[Any], Any]:
+def prepared(p: dict[str, Any]) -> Callable[..., Any]:
     """Return what solves one load."""
     d, kind = p["x"].shape[1], str(p["type"])
     regions = {
@@ -31,17 +31,29 @@ def prepared(p: dict[str, Any]) -> Callable[[Any], Any]:
     region = regions[kind](felupe.Mesh(p["x"], p["cells"], kind))
     mu = p["young"] / 2 / (1 + p["poisson"])
     lam = 2 * mu * p["poisson"] / (1 - 2 * p["poisson"])
+    law = felupe.Hyperelastic(energy, mu=mu, lam=lam)
+    if "pressed" in p:
+        law = felupe.ThreeFieldVariation(law)
+        inside = np.isin(np.arange(len(p["x"])), p["pressed"])
+        surface = felupe.RegionHexahedronBoundary(region.mesh, mask=inside)
 
-    def solve(force: Any) -> Any:
-        u = felupe.FieldPlaneStrain(region, dim=2) if d == 2 else felupe.Field(region, dim=3)
-        field = felupe.FieldContainer([u])
-        body = felupe.SolidBody(felupe.Hyperelastic(energy, mu=mu, lam=lam), field)
+    def solve(force: Any, pressure: float = 0.0) -> Any:
+        if "pressed" in p:
+            field = felupe.FieldsMixed(region, n=3)
+        elif d == 2:
+            field = felupe.FieldContainer([felupe.FieldPlaneStrain(region, dim=2)])
+        else:
+            field = felupe.FieldContainer([felupe.Field(region, dim=3)])
+        body, parts = felupe.SolidBody(law, field), np.linspace(0, 1, STEPS + 1)[1:]
         load = felupe.PointLoad(field, np.arange(len(force)), values=force)
-        ramp = {load: [force * part for part in np.linspace(0, 1, STEPS + 1)[1:]]}
-        held = {"held": felupe.Boundary(u, mask=p["held"].all(axis=1))}
-        step = felupe.Step([body, load], ramp=ramp, boundaries=held)
-        felupe.Job([step]).evaluate(verbose=0, tol=1e-8)
-        return u.values.copy()
+        items, ramp = [body, load], {load: [force * part for part in parts]}
+        if "pressed" in p:
+            pressed = felupe.FieldContainer([felupe.Field(surface, dim=3)])
+            items.append(felupe.SolidBodyPressure(pressed))
+            ramp[items[-1]] = list(pressure * parts)
+        held = {"held": felupe.Boundary(field[0], mask=p["held"].all(axis=1))}
+        felupe.Job([felupe.Step(items, ramp=ramp, boundaries=held)]).evaluate(verbose=0, tol=1e-8)
+        return field[0].values.copy()
 
     return solve
 
