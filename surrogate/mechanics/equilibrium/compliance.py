@@ -22,6 +22,7 @@ from shared_schema.common.bodies.distributed_loads import nodal_volumes
 from shared_schema.materials import Materials
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.equilibrium.block_solve import BlockSolve, at_dofs
+from surrogate.mechanics.equilibrium.following_loads import FollowingLoads
 from surrogate.mechanics.equilibrium.kept_responses import KeptResponses
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from surrogate.mechanics.matrices.factors import CLOSE, band_order
@@ -31,6 +32,7 @@ DENSE = 4000  # degrees of freedom; K⁻¹ takes 64 MB
 BY_MATRIX = 1000  # degrees of freedom up to which a CPU responds by K⁻¹
 LEAST_BLOCK = 1024  # rows of a block on a GPU: products of smaller ones are launches
 ROOM = 0.7  # of the memory of a GPU that is free: most that the blocks may take
+NOTHING = 1e-12  # of the largest force of a unit load: what is zero but for rounding
 FEW = 16  # samples whose loads are answered by columns that are not there yet
 
 
@@ -73,7 +75,8 @@ class Compliance(nn.Module):
         super().__init__()
         between = on_points and geometry.has_points_between
         self.equilibrium = Equilibrium(geometry, material, between)
-        geometry, size = self.equilibrium.geometry, self.equilibrium.free.size
+        of_case, geometry = geometry, self.equilibrium.geometry
+        size = self.equilibrium.free.size
         component, point = np.nonzero(self.equilibrium.free.T)
         dofs, matrix = point * geometry.dimension + component, torch.empty(0)
         self.register_buffer("dofs", torch.from_numpy(dofs), persistent=False)
@@ -85,6 +88,11 @@ class Compliance(nn.Module):
         free, d = np.flatnonzero(~geometry.clamped), geometry.dimension
         volumes = nodal_volumes(geometry.coordinates, geometry.cells)[free]
         units = [(free * d + axis, volumes) for axis in range(d)]
+        pressed = FollowingLoads.of(of_case, np.eye(len(of_case.following)))
+        for load in pressed.at_rest if between else pressed.load[:, : self.equilibrium.nodes]:
+            flat = (load * self.equilibrium.free).ravel()
+            acting = np.flatnonzero(np.abs(flat) > NOTHING * np.abs(flat).max(initial=0.0))
+            units.append((acting, flat[acting]))
         self.kept = KeptResponses(self._solved, size, units)
 
     def forward(self, force: Tensor) -> Tensor:

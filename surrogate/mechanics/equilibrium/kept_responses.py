@@ -1,11 +1,12 @@
 r"""Responses of a large linear map that are kept: a load made of them costs a sum, not a solve.
 
 These are columns, the responses to single inputs, which are found when they are first asked for,
-and the responses to uniform body forces: a load f is taken apart as
+and the responses to uniform body forces and pressures: a load f is taken apart as
 
 .. math:: f = \sum_i b_i \, m_i + \sum_k f_k \, e_k
 
-with the nodal forces :math:`m_i` of a unit body force along each axis and few inputs k.
+with the nodal forces :math:`m_i` of a unit body force along each axis, and of a unit pressure on
+each surface of the undeformed body, and few inputs k.
 """
 
 from __future__ import annotations
@@ -41,8 +42,8 @@ class KeptResponses:
     size : int
         Number of inputs, and of outputs.
     units : sequence of (array of int (n,), array (n,))
-        Inputs and values of loads that other loads may be multiples of, such as unit body forces;
-        no two of them act on one input.
+        Inputs and values of loads that other loads may be multiples of, such as unit body forces.
+        Multiples of the first ones are taken out before those of others.
 
     Attributes
     ----------
@@ -167,7 +168,7 @@ class KeptResponses:
         shares, rest = np.zeros(len(self.units), load.dtype), load
         for number, (inputs, values) in enumerate(self.units):
             step = max(1, len(inputs) // PROBES)
-            probes = load[inputs[::step]]
+            probes = rest[inputs[::step]]
             if 2 * np.count_nonzero(probes) <= len(probes):
                 continue
             of_probes = probes / values[::step]
@@ -178,8 +179,9 @@ class KeptResponses:
             if rest is load:
                 rest = load.copy()
             whole = share * values
-            part = load[inputs] - whole
+            part = rest[inputs] - whole
             rest[inputs] = np.where(np.abs(part) <= ROUNDING * np.abs(whole), 0, part)
+            rest[np.abs(rest) <= ROUNDING**2 * np.abs(whole).max()] = 0  # where a unit has nearly 0
             shares[number] = share
         return shares, rest
 

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 
+from shared_schema.common.bodies.cells import boundary_facets
 from shared_schema.common.bodies.distributed_loads import nodal_volumes
 from shared_schema.common.errors import InputError
 from surrogate.learning.data.dataset import Dataset
 from surrogate.mechanics.equilibrium import compliance, kept_responses
 from surrogate.mechanics.equilibrium.block_solve import BlockSolve
 from surrogate.mechanics.equilibrium.compliance import Compliance
+from surrogate.mechanics.equilibrium.following_loads import FollowingLoads
 from surrogate.mechanics.equilibrium.kept_responses import KeptResponses
 from surrogate.mechanics.matrices import factors
 from surrogate.mechanics.matrices.factors import BandCholesky
@@ -135,6 +139,28 @@ def test_body_forces_cost_no_solve(
         monkeypatch.setattr(large, "solve", None)
     with pytest.raises(TypeError):
         large.respond((weight * x).astype(np.float32)[None])
+
+
+def test_pressures_cost_no_solve(dataset: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A pressure of the case at rest, beside a body force and forces on nodes: a sum as well."""
+    monkeypatch.setattr(compliance, "DENSE", 0)
+    monkeypatch.setattr(kept_responses, "LOADED", 2)
+    x, cells = dataset.geometry.coordinates, dataset.geometry.cells
+    facets = boundary_facets(cells, dataset.geometry.cell_type)
+    top = (x[facets][..., 1] == x[:, 1].max()).all(axis=1)
+    geometry = replace(dataset.geometry, pressed=facets[top])
+    large = Compliance(geometry, dataset.material)
+    pressure = FollowingLoads.of(geometry, np.array([[2.5]])).load[0]
+    assert np.count_nonzero(pressure) > 2
+    touched = np.zeros_like(x)
+    touched[(~geometry.clamped).nonzero()[0][3]] = 0.4, 0.2
+    weight = np.outer(nodal_volumes(x, cells), [0.3, -1.7])
+    force = np.stack([pressure, pressure + touched, pressure + touched + weight])
+    expected = large.respond(force)
+    for _ in range(2):
+        found = large.respond(force.astype(np.float32))
+        np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
+        monkeypatch.setattr(large, "solve", None)
 
 
 def test_columns_are_forgotten_where_there_is_no_room(monkeypatch: pytest.MonkeyPatch) -> None:
