@@ -81,7 +81,7 @@ class BandCholesky:
                 both[j : j + length, j] = columns[:length, j]
             inverse = trtri(both[: end - start], lower=1)[0]
             filled = np.flatnonzero(both.any(axis=1))[-1] + 1  # the rows below are outside of A
-            blocks.append((inverse, both[end - start : filled].copy("F")))  # read faster alone
+            blocks.append((inverse, both[end - start : filled]))
         return blocks
 
     @classmethod
