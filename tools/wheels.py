@@ -26,7 +26,11 @@ def build(out: Path, *options: str) -> None:
             shutil.copytree(ROOT / part, copy, ignore=LEFT_OUT)
             shutil.copy(ROOT / "LICENSE", copy)
             words = ["--wheel", "--outdir", str(out), str(copy), *options]
-            subprocess.run([sys.executable, "-m", "build", *words], check=True)
+            command = [sys.executable, "-m", "build", *words]
+            done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+            if done.returncode:
+                raise SystemExit(f"{part}: no wheel\n{done.stdout.decode(errors='replace')}")
+        print(f"{out}: wheels of {', '.join(PARTS)}")
 
 
 if __name__ == "__main__":

@@ -1,11 +1,13 @@
 """Pages of the reference made from the programs: arguments of their commands, keys of their YAML.
 
-Each program's pages are made in its own environment: ``python -m website.reference datagen``.
+Each program's pages are made in its own environment: ``python -m website.reference datagen``. They
+are in the repository, so that they can be read there.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -89,7 +91,20 @@ def pages_of(program: str) -> dict[str, str]:
     return commands | {"configuration-keys.md": page}
 
 
+def outdated(program: str) -> list[str]:
+    """Return names of the pages of a program whose tables are not what it says now."""
+    return [
+        file
+        for file, page in pages_of(program).items()
+        if _tables(page) != _tables((OUT / file).read_text())
+    ]
+
+
+def _tables(page: str) -> list[str]:
+    return [line for line in page.splitlines() if line.startswith("|")]  # usage is Python's
+
+
 if __name__ == "__main__":
-    OUT.mkdir(parents=True, exist_ok=True)
+    os.environ["COLUMNS"] = "80"  # of usage
     for file, page in pages_of(sys.argv[1]).items():
         (OUT / file).write_text(page)

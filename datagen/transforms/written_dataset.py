@@ -75,7 +75,10 @@ def claim_folder(folder: Path, made: Manifest) -> None:
     if (folder / MANIFEST).is_file():
         old = read_manifest(folder)
         if not (_is_same(old, made) or _is_smaller(old, made)):
-            raise InputError(f"--out '{folder}': holds another dataset, '{old.name}'")
+            raise InputError(
+                f"--out '{folder}': holds another dataset, '{old.name}'; expected another folder, "
+                "or that it is deleted"
+            )
         (folder / MANIFEST).unlink()
     else:
         ours = ("shard-", STIFFNESS_FILE, PARTIAL, LOCK)  # of a step that was killed

@@ -11,7 +11,7 @@ from datagen.command_line import _parser, main
 from shared_schema.loads.family import SHIPPED
 from tests.completion import offered, write_script
 from tests.help_texts import assert_described, assert_examples_parse, commands_of
-from website.reference import pages_of
+from website.reference import outdated, pages_of
 
 PARSER = _parser()
 
@@ -22,6 +22,7 @@ def test_pages() -> None:
     assert all(name in pages["case-keys.md"] for name in SHIPPED)
     assert "## datagen structure\n" in pages["datagen-commands.md"]
     assert r"`--out FILE.(npz\|vtu\|xdmf)`" in pages["datagen-commands.md"]
+    assert outdated("datagen") == []  # expected: python -m website.reference datagen
 
 
 @pytest.mark.parametrize("name", commands_of(PARSER))

@@ -7,7 +7,7 @@ from surrogate.command_line import _parser
 from surrogate.learning.models.kinds import kinds
 from surrogate.learning.models.training_config import TrainingConfig
 from website.key_tables import keys_page
-from website.reference import commands_of, commands_page, pages_of
+from website.reference import commands_of, commands_page, outdated, pages_of
 
 
 def test_every_command_and_argument_is_described() -> None:
@@ -26,6 +26,10 @@ def test_every_key_is_described() -> None:
     for model in kinds().values():
         assert all(f"| `{key}` |" in page for key in model.model_fields)
     assert all(f"| `{key}` |" in page for key in TrainingConfig.model_fields)
+
+
+def test_pages_are_up_to_date() -> None:
+    assert outdated("surrogate") == []  # expected: python -m website.reference surrogate
 
 
 def test_a_row() -> None:

@@ -118,7 +118,8 @@ class Evaluation:
         yield (
             f"{measures.samples} test samples, mean error {measures.mean_error:.3e} {m} "
             f"({measures.relative_error_mean:.2%} of the largest displacement), "
-            f"standard deviation {measures.std_error:.3e} {m}, largest {measures.max_error:.3e} {m}"
+            f"standard deviation of the errors {measures.std_error:.3e} {m}, "
+            f"largest {measures.max_error:.3e} {m}"
         )
         if (of_grid := self.content.get("embedding_error")) is not None:
             part = f"{of_grid:.3e} {m}"

@@ -260,7 +260,10 @@ class Solution:
             size = f"estimated error {self.units.written(error)} by one direction"
             parts.append(size if np.isfinite(error) else "inverted elements")
         if self.verdict is not None:
-            parts.append(self.verdict)
+            within = (
+                "" if self.tolerance is None else f" within {self.units.written(self.tolerance)}"
+            )
+            parts.append(f"{self.verdict}{within}")
         if self.stresses:
             mises = self.stresses["von_mises"][self.stresses["jacobian"] > 0]
             parts.append(

@@ -190,7 +190,7 @@ class FirstConfig:
 
     def _training(self) -> Iterator[Line]:
         steps = ceil(self.samples / self.batch) * self.epochs
-        yield Line(1, "epochs", str(self.epochs), f"{steps} steps; more: smaller errors")
+        yield Line(1, "epochs", str(self.epochs), f"about {steps} steps; more: smaller errors")
         yield Line(1, "batch_size", str(self.batch), "samples of a step")
         if self.likelihood == "deterministic":
             yield Line(1, "loss", "mae", "mean absolute error, as ē measures it")

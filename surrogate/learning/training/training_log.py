@@ -175,5 +175,5 @@ def advice(trainer: Trainer, measures: Mapping[str, float], units: Units = SI) -
     return (
         f"the error on validation samples is {error:.2e} {m}, on training samples "
         f"{on_training:.2e} {m}; more than {len(trainer.train)} training samples would help "
-        "(`datagen run CASE --samples K` lets a dataset grow)"
+        "(`datagen run CASE --samples K` or `surrogate sample BODY --count K` lets a dataset grow)"
     )
