@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from datagen.cases.case import Case
 from datagen.cases.rigid_motions import motion_problem
-from datagen.discretisation.element import element_kind, locking_warning
+from datagen.discretisation.element import element_kind
 from datagen.materials import fibres_of_cells
 from datagen.mesh.overlap import split_warning
 from shared_schema.common.bodies.cells import boundary_facets
@@ -20,7 +20,7 @@ from shared_schema.common.bodies.points_between import PointsBetween
 from shared_schema.common.errors import InputError
 from shared_schema.loads import LoadsTogether
 from shared_schema.loads.together import nodes_of, placed_loads
-from shared_schema.materials import ratio_at_rest
+from shared_schema.materials import locking_warning
 
 
 @dataclass(frozen=True)
@@ -84,8 +84,7 @@ class PlacedBody:
 
     def warnings(self) -> list[str]:
         """What the numbers of this body are not good for."""
-        ratio = max(ratio_at_rest(material) for material in self.case.materials)
-        locking = locking_warning(self.case.element, self.mesh.cell_type, ratio)
+        locking = locking_warning(self.case.element, self.mesh.cell_type, self.case.material)
         return [said for said in (locking, split_warning(self.mesh.coordinates)) if said]
 
     def shard_arrays(self) -> dict[str, Any]:

@@ -26,12 +26,6 @@ stay unknowns beside the displacement. The energy density W is that of any mater
 
 Meshes have straight edges; nodes of quadratic elements are the corners of the cells, the midpoints
 of edges, and on quadrilaterals and hexahedra the centres of faces and cells.
-
-How much too stiff linear elements are is known of a beam of 100 × 20 × 16 mm (in the plane 100 × 16
-mm) that is held at one end and bent by a traction at the other, with 4 cells across its thickness:
-the fraction by which the deflection of its end falls short of that with `incompressible` elements
-on a mesh twice as fine (`docs/benchmarks/elements.md`). Between the measured ratios of Poisson they
-are interpolated in :math:`\log(1 - 2ν)`.
 """
 
 from __future__ import annotations
@@ -39,19 +33,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-import numpy as np
-
 Element = Literal["linear", "quadratic", "incompressible"]
 ELEMENTS: tuple[Element, ...] = get_args(Element)
 SIMPLICES = ("triangle", "tetra")
-LARGEST_RATIO = 0.4  # of Poisson, up to which linear elements are used without a word
-RATIOS = (0.4, 0.45, 0.49, 0.499)
-SHORTFALL = {
-    "triangle": (0.23, 0.34, 0.68, 0.93),
-    "quad": (0.07, 0.13, 0.44, 0.87),
-    "tetra": (0.25, 0.36, 0.68, 0.93),
-    "hexahedron": (0.05, 0.08, 0.20, 0.44),
-}
 
 
 @dataclass(frozen=True)
@@ -95,29 +79,3 @@ def element_kind(element: Element, cell_type: str) -> ElementKind:
     dilation: Literal["pointwise", "continuous"]
     dilation = "pointwise" if element == "quadratic" else "continuous"
     return ElementKind(2, dilation, 2 if simplices else 4)
-
-
-def locking_warning(element: Element, cell_type: str, poisson_ratio: float) -> str | None:
-    """Say by how much linear elements are too stiff, if Poisson's ratio is above 0.4.
-
-    Parameters
-    ----------
-    element : {"linear", "quadratic", "incompressible"}
-    cell_type : str
-        Meshio's name.
-    poisson_ratio : float
-    """
-    if element != "linear" or poisson_ratio <= LARGEST_RATIO:
-        return None
-    return (
-        f"linear elements are too stiff for a Poisson's ratio of {poisson_ratio:g}: a beam of 4 "
-        f"{cell_type} cells across bends {shortfall(cell_type, poisson_ratio):.0%} too little; "
-        "expected 'element: incompressible', or 'quadratic'"
-    )
-
-
-def shortfall(cell_type: str, poisson_ratio: float) -> float:
-    """Fraction by which linear elements bend too little."""
-    at = -np.log(1 - 2 * np.array(poisson_ratio))
-    known = -np.log(1 - 2 * np.array(RATIOS))
-    return float(np.interp(at, known, SHORTFALL[cell_type]))

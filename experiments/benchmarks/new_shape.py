@@ -29,8 +29,8 @@ from tools.kidney import kidney
 
 TITLE = "A network for a new shape"
 ABOUT = (
-    "`surrogate touch kidney.stl --network {samples}`, from a surface to its page, its load "
-    "series and a reduced network, on two cores, beside other programs; code is compiled already. "
+    "`surrogate touch kidney.stl --set element=linear --network {samples}`, from a surface to its "
+    "page, its load series and a reduced network, on two cores, beside other programs; code is compiled already. "
     "The errors are those of {fresh} fresh loads: single nodes anywhere on the surface, under "
     "forces that move the tip of the linear body by up to a tenth of the body's size."
 )
@@ -49,7 +49,8 @@ PREDICTS = (
     "`prepare('surface')`, {prepare_seconds:.1f} s. What it misses are the dimples about single "
     "loaded nodes; the load series, whose page is the first one, has them."
 )
-HELD = ("--support", "x<-0.035", "--young-modulus", "5000", "--no-browser")
+LINEAR = ("--set", "element=linear")
+HELD = ("--support", "x<-0.035", "--young-modulus", "5000", *LINEAR, "--no-browser")
 
 
 def touched(work: Path, size: float, *words: str) -> tuple[float, float]:

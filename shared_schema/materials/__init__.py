@@ -28,6 +28,7 @@ from shared_schema.materials.isotropic import (
     YoungPoisson,
     trace_of_power,
 )
+from shared_schema.materials.locking import LARGEST_RATIO, locking_warning, locks
 from shared_schema.materials.material import (
     ARRAYS,
     LARGEST_MODULUS,
@@ -56,6 +57,7 @@ ShippedMaterial = Material
 __all__ = [
     "ARRAYS",
     "LARGEST_MODULUS",
+    "LARGEST_RATIO",
     "SHIPPED",
     "VOLUMETRIC_TERMS",
     "ZERO",
@@ -88,6 +90,8 @@ __all__ = [
     "YoungPoisson",
     "as_tuple",
     "at_rest",
+    "locking_warning",
+    "locks",
     "material_of",
     "materials_of",
     "ratio_at_rest",

@@ -88,10 +88,12 @@ def run(options: argparse.Namespace) -> None:
     from shared_schema.common.errors import NotCertifiedError
     from shared_schema.common.files import require_writable
     from shared_schema.common.solution_file import require_suffix
+    from surrogate.mechanics.body.elements_of_case import warn_of_locking
 
     require_suffix(options.out)
     require_writable(options.out)
     model, young_modulus = surrogate.load(options.run, options.device), options.young_modulus
+    warn_of_locking(model.description.data.case, model.geometry.cell_type)
     if isinstance(young_modulus, dict):
         model, young_modulus = model.with_young_moduli(young_modulus), None
     solution = model.solve(

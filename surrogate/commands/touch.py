@@ -39,7 +39,13 @@ def add_to(commands: Commands) -> None:
     parser.add_argument(
         "--young-modulus", type=positive, required=True, metavar="PA", help="in Pa, at rest"
     )
-    parser.add_argument("--poisson-ratio", type=float, default=0.45, help="(default 0.45)")
+    parser.add_argument(
+        "--poisson-ratio",
+        type=float,
+        default=0.45,
+        metavar="NU",
+        help="(default 0.45); above 0.4 elements are incompressible, unless --set element=linear",
+    )
     parser.add_argument(
         "--scale", type=positive, default=1.0, metavar="M", help="length of the file's unit in m"
     )
@@ -48,6 +54,14 @@ def add_to(commands: Commands) -> None:
     )
     parser.add_argument(
         "--repair", action="store_true", help="make one closed surface of the triangles first"
+    )
+    parser.add_argument(
+        "--zone",
+        action="append",
+        default=[],
+        dest="zones",
+        metavar="NAME=FILE:E",
+        help="part of another Young's modulus in Pa, inside of another closed surface; repeatable",
     )
     add_set(parser, "the case", "mesh.labels={liver: 1}")
     parser.add_argument(
@@ -78,22 +92,30 @@ def add_to(commands: Commands) -> None:
 def run(options: argparse.Namespace) -> None:
     """Make the page, say where it is, and open it."""
     import surrogate
+    from surrogate.page.shape import PageLimitError
 
-    page = surrogate.page_of_shape(
-        options.shape,
-        options.support,
-        options.young_modulus,
-        poisson_ratio=options.poisson_ratio,
-        scale=options.scale,
-        size=options.size,
-        repair=options.repair,
-        changes=options.changes,
-        out=options.out,
-    )
-    print(page)
-    if not options.no_browser:
-        webbrowser.open(page.resolve().as_uri())
+    folder = options.out or Path(options.shape.stem)
+    try:
+        page = surrogate.page_of_shape(
+            options.shape,
+            options.support,
+            options.young_modulus,
+            poisson_ratio=options.poisson_ratio,
+            scale=options.scale,
+            size=options.size,
+            repair=options.repair,
+            zones=options.zones,
+            changes=options.changes,
+            out=folder,
+        )
+    except PageLimitError:
+        if not options.network:
+            raise
+    else:
+        print(page)
+        if not options.no_browser:
+            webbrowser.open(page.resolve().as_uri())
     if options.network:
         given = {"samples": options.network, "workers": options.workers}
-        made = surrogate.network_of_body(page.with_name("body"), page.parent, **given)
-        print(f"{made}: run folder; its page is {page.with_name('network.html')}")
+        made = surrogate.network_of_body(folder / "body", folder, **given)
+        print(f"{made}: run folder; its page is {folder / 'network.html'}")

@@ -7,6 +7,8 @@ size.
 
 from __future__ import annotations
 
+import logging
+import math
 import re
 import shutil
 from collections.abc import Mapping, Sequence
@@ -14,22 +16,32 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import numpy as np
 import yaml
 
 from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.configuration import changed, read_yaml
 from shared_schema.common.errors import InputError
 from shared_schema.common.files import require_writable
+from shared_schema.materials import locks, materials_of
 from surrogate.learning.training.loop import train
 from surrogate.mechanics.statics.body import Body
+from surrogate.page.body import BAND, band_entries, free_unknowns
 from surrogate.page.factory import run_datagen
 from surrogate.page.page import write_page
 from surrogate.page.page_loads import largest_force
 
+logger = logging.getLogger(__name__)
 CONDITION = re.compile(r"\s*([xyz])\s*(<=|>=|<|>|=)\s*([^\s<>=]+)\s*")
 SHAPES = ("sphere", "patch", "plane")  # of regions
 FEWEST = 4  # numbers of one of them
 REPAIRED = "repaired.stl"
+REST = "rest"  # group of the cells in no zone
+CHOSEN = (
+    ", element incompressible for a Poisson's ratio above 0.4 (--set element=linear is faster, and "
+    "too stiff)"
+)
+MARGIN = 1.5  # of the band, as coarse cells of a curved body are more than their size says
 FIRST = 1.0  # range in N of the loads of a body whose stiffness is not known yet
 
 
@@ -43,6 +55,7 @@ def page_of_shape(
     scale: float = 1.0,
     size: float | None = None,
     repair: bool = False,
+    zones: Sequence[str] = (),
     changes: Sequence[str] = (),
     out: str | Path | None = None,
 ) -> Path:
@@ -61,14 +74,19 @@ def page_of_shape(
     young_modulus : float
         In Pa, at rest.
     poisson_ratio : float
+        Above 0.4, linear elements lock, and those of the body are `incompressible`, unless
+        `changes` say otherwise.
     scale : float
         Length of the file's unit in m.
     size : float, optional
         Size of the cells in the file's unit; needed by images and CAD files.
     repair : bool
         Make one closed surface of the file's triangles first, as `datagen repair` does.
+    zones : sequence of str
+        Parts of another Young's modulus in Pa, inside of other closed surfaces of the same unit,
+        such as "tumour=tumour.stl:50000".
     changes : sequence of str
-        Keys of the case and their values, such as ``mesh.zones={tumour: tumour.stl}``.
+        Keys of the case and their values, such as ``element=linear``.
     out : str or Path, optional
         Folder for the case, the body, the run of its series and the page; by default one of the
         shape's name in this folder. One that the same call made before is left as it is.
@@ -83,6 +101,8 @@ def page_of_shape(
     InputError
         If there is no such file, a text or number is wrong, the body cannot be made, the folder
         is of another body, or there is no program `datagen`; nothing is left then.
+    PageLimitError
+        An `InputError`, if the body is too large for a page; body and series are made.
     """
     path = Path(shape)
     if not path.is_file():
@@ -97,17 +117,26 @@ def page_of_shape(
         "load": {"family": "random_node", "region": {"boundary": True}, "range": [-FIRST, FIRST]},
         "dataset": {"samples": 1, "seed": 0},
     }
-    case = changed(given, changes)
+    case = changed(with_zones(given, zones), changes)
     mesh = case["mesh"]
     if isinstance(mesh.get("zones"), dict):
-        zones = {name: str(Path(str(file)).resolve()) for name, file in mesh["zones"].items()}
-        case["mesh"] = mesh = {**mesh, "zones": zones}
+        files = {name: str(Path(str(file)).resolve()) for name, file in mesh["zones"].items()}
+        case["mesh"] = mesh = {**mesh, "zones": files}
     if repair:
         mesh["path"] = REPAIRED  # beside the case
+    chosen = "element" not in case and is_locking(case)
+    if chosen:
+        case["element"] = "incompressible"
+    page = folder / f"{path.stem}.html"
     if folder.exists():
-        if asked_before(case, folder / "case.yaml"):
-            return folder / f"{path.stem}.html"
-        raise InputError(f"out '{folder}': exists, of another body; expected a new folder", "out")
+        if not asked_before(case, folder / "case.yaml"):
+            said = f"out '{folder}': exists, of another body; expected a new folder"
+            raise InputError(said, "out")
+        if not page.is_file():
+            if limit := page_limit(Body.read(folder / "body"), scale, size):
+                raise PageLimitError(limit, folder)
+            write_page(folder / "series", page)
+        return page
     require_writable(folder)
     folder.parent.mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory(prefix=f".{folder.name}-", dir=folder.parent) as partial:
@@ -117,14 +146,82 @@ def page_of_shape(
             words = () if size is None else ("--size", str(size))
             run_datagen("repair", path, "--out", place / REPAIRED, *words)
         body = make_body(case, place)
+        x, cells = body.geometry.coordinates, body.geometry.cells
+        counts = f"{len(x)} nodes, {len(cells)} {body.geometry.cell_type} cells"
+        logger.info("%s: %s%s", folder, counts, CHOSEN if chosen else "")
+        if limit := page_limit(body, scale, size):
+            logger.warning("no page: %s; body and load series follow", limit)
         largest = float(f"{largest_force(body):.2g}")
         shutil.rmtree(place / "body")
         case["load"]["range"] = [-largest, largest]
         make_body(case, place)
         train("series", place / "body", place / "series")
-        write_page(place / "series", place / f"{path.stem}.html")
+        if not limit:
+            write_page(place / "series", place / page.name)
         place.rename(folder)
-    return folder / f"{path.stem}.html"
+    if limit:
+        raise PageLimitError(limit, folder)
+    return page
+
+
+def with_zones(case: dict[str, Any], zones: Sequence[str]) -> dict[str, Any]:
+    """The case of one material with zones of their own moduli, NAME=FILE:E; InputError if wrong."""
+    files, moduli = {}, {REST: case["material"]["young_modulus"]}
+    for text in zones:
+        name, _, rest = text.partition("=")
+        file, _, modulus = rest.rpartition(":")
+        try:
+            moduli[name], files[name] = float(modulus), file
+            if not (name and file) or len(moduli) != len(files) + 1:
+                raise ValueError
+        except ValueError:
+            raise InputError(
+                f"zone '{text}': expected NAME=FILE:E, such as tumour=tumour.stl:50000 in Pa, each "
+                f"name once and none '{REST}'",
+                "zone",
+            ) from None
+    if not files:
+        return case
+    materials = [
+        {**case["material"], "group": name, "young_modulus": modulus}
+        for name, modulus in moduli.items()
+    ]
+    return {**case, "mesh": {**case["mesh"], "zones": files}, "material": materials}
+
+
+def is_locking(case: Mapping[str, Any]) -> bool:
+    """Whether linear elements of a case are too stiff, as far as its materials are known here."""
+    try:
+        return locks(materials_of(case["material"], "case"))
+    except InputError:  # `datagen` says what is wrong, or knows the file
+        return False
+
+
+def page_limit(body: Body, scale: float, size: float | None) -> str | None:
+    """What keeps a body from a page, and of which size cells are large enough; None if nothing.
+
+    The unknowns are as many as the inverse volume of the cells, the width of the band as its
+    inverse area, so that its entries are as the inverse fifth power of their size.
+    """
+    entries = band_entries(body.equilibrium, free_unknowns(body.equilibrium))
+    if entries <= BAND:
+        return None
+    x, cells = body.geometry.coordinates, body.geometry.cells
+    edge = float(np.linalg.norm(x[cells[:, 0]] - x[cells[:, 1]], axis=1).mean()) / scale
+    wanted = (size or edge) * (MARGIN * entries / BAND) ** (1 / 5)
+    digit = 10 ** (math.floor(math.log10(wanted)) - 1)
+    return (
+        f"the stiffness takes a band of {entries} entries, {BAND} at most for a page; expected "
+        f"--size {math.ceil(wanted / digit) * digit:g} or more, or --network"
+    )
+
+
+class PageLimitError(InputError):
+    """A body is too large for the page of its load series, which are in a folder."""
+
+    def __init__(self, limit: str, folder: Path) -> None:
+        kept = f"body and load series are there: surrogate predict {folder / 'series'}"
+        super().__init__(f"no page: {limit}; {kept}")
 
 
 def region_of(text: str) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import os
+import re
 from pathlib import Path
 
 import meshio
@@ -15,11 +16,13 @@ import yaml
 import surrogate
 from shared_schema.common.errors import InputError
 from shared_schema.dataset_reader import DatasetReader
+from surrogate.page import shape
 from surrogate.page.shape import region_of
 from tests.end_to_end.commands import ROOT, SURROGATE, execute
 
 SIZES = np.array([0.04, 0.04, 0.1])  # of a block in m
 HELD = ("--support", "z<0.001", "--young-modulus", "5000", "--no-browser")
+LINEAR = ("--set", "element=linear")
 
 
 @pytest.fixture
@@ -38,11 +41,13 @@ def block(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_a_page_of_a_surface(block: Path) -> None:
     """The largest force moves the tip of the linear body by a tenth of its diagonal, 11.5 mm."""
     folder = block.with_name("made")
-    of = ("--scale", "0.001", "--size", "16", "--out", folder)
-    execute(SURROGATE, "touch", block, *HELD, *of)
+    of = ("--scale", "0.001", "--size", "16", "--out", folder, *LINEAR)
+    said = execute(SURROGATE, "touch", block, *HELD, *of).stderr
+    assert said.count("linear elements are too stiff for a Poisson's ratio of 0.45") == 1
     assert (folder / "block one.html").stat().st_size > 1e5
     model = surrogate.load(folder / "series")
     x, tip = model.geometry.coordinates, model.geometry.tip
+    assert f"{folder}: {len(x)} nodes, {len(model.geometry.cells)} tetra cells\n" in said
     assert np.ptp(x, axis=0) == pytest.approx(SIZES, rel=1e-6)
     assert model.geometry.clamped.tolist() == (x[:, 2] < 1e-3).tolist()
     force = np.zeros((3, *x.shape))
@@ -53,6 +58,52 @@ def test_a_page_of_a_surface(block: Path) -> None:
     execute(SURROGATE, "touch", block, *HELD, *of)  # nothing is left to do
     assert (folder / "block one.html").stat() == page
     execute(SURROGATE, "touch", block, *HELD, *of, "--poisson-ratio", "0.4", code=2)
+    told = execute(
+        SURROGATE,
+        "predict",
+        folder / "series",
+        "--load",
+        "0.04,0.04,0.1:0.001,0,0",
+        "--out",
+        folder / "u.npz",
+    ).stderr
+    assert told.count("linear elements are too stiff") == 1
+
+
+def test_elements_that_do_not_lock(block: Path) -> None:
+    """They are chosen for a plane body of 5 × 1 m, whose end they let move more."""
+    script = block.with_name("strip.geo")
+    script.write_text(
+        'SetFactory("OpenCASCADE"); Rectangle(1) = {0, 0, 0, 5, 1}; Mesh.MeshSizeMax = 0.5;'
+        'Physical Surface("all") = {1};\n'
+    )
+    held = ("--support", "x<0.001", "--young-modulus", "5000", "--poisson-ratio", "0.49")
+    moved = []
+    elements: tuple[tuple[str, ...], ...] = ((), LINEAR)
+    for number, words in enumerate(elements):
+        folder = block.with_name(f"strip-{number}")
+        to = ("--no-browser", "--out", folder)
+        said = execute(SURROGATE, "touch", script, *held, *words, *to).stderr
+        assert ("triangle cells, element incompressible for a Poisson" in said) == (not words)
+        assert ("too stiff for a Poisson's ratio of 0.49" in said) == bool(words)
+        model = surrogate.load(folder / "series")
+        moved.append(np.abs(model.solve("5,1:0,-1").displacement).max())
+    assert yaml.safe_load((folder / "case.yaml").read_text())["element"] == "linear"
+    assert moved[1] < 0.5 * moved[0]
+
+
+def test_a_body_too_large_for_a_page(block: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The series stays; larger cells are proposed."""
+    folder = block.with_name("made")
+    monkeypatch.setattr(shape, "BAND", 20_000)
+    of = (*HELD, *LINEAR, "--scale", "0.001", "--out")
+    for _ in range(2):  # also where body and series are there
+        said = execute(SURROGATE, "touch", block, *of, folder, "--size", "16", code=2).stderr
+        assert f"surrogate predict {folder / 'series'}" in said.splitlines()[-1]
+    assert surrogate.load(folder / "series").geometry.tip > 0
+    found = re.search(r"--size (\d+) or more, or --network", said)
+    assert found is not None
+    assert 16 < float(found[1]) < 32
 
 
 @pytest.mark.slow
@@ -129,7 +180,7 @@ def test_a_network_of_a_surface(block: Path) -> None:
     them, under forces on single nodes of a coarse block, of which it has seen 171.
     """
     folder = block.with_name("made")
-    of = (*HELD, "--scale", "0.001", "--size", "16", "--out", folder, "--network", "200")
+    of = (*HELD, *LINEAR, "--scale", "0.001", "--size", "16", "--out", folder, "--network", "200")
     said = execute(SURROGATE, "touch", block, *of).stderr
     assert said.index("reduced network, 48 → 3 × 128 → 96") < said.index("200/200 samples")
     assert (folder / "network.html").stat().st_size > 1e5

@@ -53,6 +53,7 @@ from surrogate.learning.training.training_log import (
     remark_on_start,
 )
 from surrogate.learning.training.validation import Reference, validate
+from surrogate.mechanics.body.elements_of_case import warn_of_locking
 from surrogate.runtime.device import hardware
 
 logger = logging.getLogger(__name__)
@@ -256,6 +257,7 @@ def derive(
 ) -> None:
     """Write a model that follows from the body, and one line with epoch 0."""
     began, data = time.perf_counter(), dataset.at_nodes()
+    warn_of_locking(data.manifest.case, data.geometry.cell_type)
     network = config.build_for(data.geometry, data.info, data.material, data.manifest.case)
     run.start(description)
     with closing(TrainingLog(run, -1, tensorboard=False, silent=False)) as log:

@@ -11,6 +11,7 @@ networks of earlier versions.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -18,23 +19,36 @@ from typing import Any
 from shared_schema.common.errors import InputError
 from shared_schema.common.units import Units
 from shared_schema.materials import (
+    LARGEST_RATIO,
     Material,
     Materials,
     NeoHookean,
     RubberLike,
     YoungPoisson,
+    locking_warning,
+    materials_of,
     ratio_at_rest,
 )
 from surrogate.mechanics.body.geometry import Geometry
 
+logger = logging.getLogger(__name__)
 ELEMENTS = ("linear", "quadratic", "incompressible")
 SIMPLICES = ("triangle", "tetra")
-LARGEST_RATIO = 0.4  # of Poisson, for linear elements that stand for others
 
 
 def element_of(case: Mapping[str, Any]) -> str:
     """Element that a case configuration names."""
     return str(case.get("element", "linear"))
+
+
+def warn_of_locking(case: Mapping[str, Any], cell_type: str) -> None:
+    """Log a warning if the elements of a case, on cells of meshio's name, are too stiff."""
+    try:
+        materials = materials_of(case.get("material"), "case")
+    except InputError:  # of a later version: nothing is known of it
+        return
+    if said := locking_warning(element_of(case), cell_type, materials):
+        logger.warning(said)
 
 
 def with_elements(geometry: Geometry, case: Mapping[str, Any], forces: str | None) -> Geometry:
