@@ -31,8 +31,8 @@ TITLE = "A network for a new shape"
 ABOUT = (
     "`surrogate touch kidney.stl --set element=linear --network {samples}`, from a surface to its "
     "page, its load series and a reduced network, on two cores, beside other programs; code is "
-    "compiled already. The errors are those of {fresh} fresh loads: single nodes anywhere on the surface, under "
-    "forces that move the tip of the linear body by up to a tenth of the body's size."
+    "compiled already. The errors are those of {fresh} fresh loads: single nodes anywhere on the "
+    "surface, under forces that move the tip of the linear body by up to a tenth of its size."
 )
 STEPS = {  # the last file of each
     "body, load series and their page": "kidney.html",
