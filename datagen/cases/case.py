@@ -280,6 +280,13 @@ def read_case(
         mesh = found.mesh.found_from(folder, trust)
     except InputError as error:
         raise InputError(f"{source}: {error}") from None
+    parts = found.model_dump_json(include={"material", "supports", "load", "actuators"})
+    for name in found.mesh.zones:
+        if f'"{name}"' not in parts and f' {name}"' not in parts:  # a group may be "volume NAME"
+            raise InputError(
+                f"{source}: key 'mesh.zones.{name}': no material, load or support names it, "
+                f"expected materials of the groups '{name}' and 'rest'"
+            )
     return found.model_copy(update={"mesh": mesh})
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import json
 import os
 import re
 from pathlib import Path
@@ -117,17 +116,15 @@ def test_an_open_surface_with_a_zone(block: Path, monkeypatch: pytest.MonkeyPatc
         block.with_name("hard.ply")
     )
     monkeypatch.chdir(block.parent)
-    materials = [
-        {"group": name, "young_modulus": value, "poisson_ratio": 0.4}
-        for name, value in (("hard", 5e4), ("rest", 5e3))
-    ]
-    words = ("--set", "mesh.zones={hard: hard.ply}", "--set", f"material={json.dumps(materials)}")
+    words = ("--zone", "hard=hard.ply:50000", "--poisson-ratio", "0.4")
     of = ("--scale", "0.001", "--size", "16", "--repair", "--out", "made", *words)
     execute(SURROGATE, "touch", block, *HELD, *of)
     case = yaml.safe_load(Path("made/case.yaml").read_text())
     assert case["mesh"]["path"] == "repaired.stl"
+    given = [(each["group"], each["young_modulus"]) for each in case["material"]]
+    assert given == [("rest", 5e3), ("hard", 5e4)]
     parts = DatasetReader(Path("made/body")).body["mesh/material"]
-    assert 0.1 < (parts == 0).mean() < 0.4  # 0.6³ of the volume
+    assert 0.1 < (parts == 1).mean() < 0.4  # 0.6³ of the volume
 
 
 def test_what_is_refused_leaves_nothing(block: Path) -> None:
@@ -136,6 +133,9 @@ def test_what_is_refused_leaves_nothing(block: Path) -> None:
         (("--support", "w<0.01", "--young-modulus", "5000"), "support 'w<0.01': expected"),
         (("--support", "z<-1", "--young-modulus", "5000"), "supports"),
         ((*HELD, "--poisson-ratio", "0.7"), "poisson_ratio"),
+        ((*HELD, "--zone", "hard=hard.ply"), "--zone 'hard=hard.ply': expected NAME=FILE:E"),
+        ((*HELD, "--zone", "rest=hard.ply:5"), "each name once and none 'rest'"),
+        ((*HELD, "--set", f"mesh.zones={{a: {block}}}"), "zones.a': no material, load or support"),
     ):
         out = ("--no-browser", "--out", block.with_name("made"))
         told = execute(SURROGATE, "touch", block, *arguments, *out, code=2).stderr

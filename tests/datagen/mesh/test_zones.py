@@ -70,6 +70,13 @@ def test_a_zone_has_its_own_material(tmp_path: Path) -> None:
     assert 0 < (parts == 0).mean() < 0.15  # 4.2 of 64 m³
     surface_file(tmp_path / "tumour.stl", *ball(101))
     assert read_case(case).digest() != read.digest()  # another zone is another case
+    material = {"young_modulus": 3e3, "poisson_ratio": 0.4}
+    with pytest.raises(
+        InputError, match=r"key 'mesh\.zones\.tumour': no material, load or support"
+    ):
+        read_case({**case, "material": material})
+    load = {"family": "body_force", "region": {"group": "tumour"}, "range": [-1, 1]}
+    read_case({**case, "material": material, "load": load})
 
 
 @pytest.mark.parametrize(
