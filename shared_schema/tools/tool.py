@@ -21,6 +21,11 @@ from shared_schema.common.units import Units
 
 Array = NDArray[np.float64]
 MOST = 1e6  # m: largest coordinate or radius
+FEWEST = {2: 3, 3: 8}  # touched nodes by dimension: fewer may miss a tenth of the force, or half
+FEW = (
+    "; so few nodes: the force depends on the mesh, cells at the contact of at most a third of the "
+    "tool's radius are wanted"
+)
 
 
 class Tool(ABC):
@@ -303,9 +308,10 @@ class Contact:
 
 
 def contact_line(contact: Contact, units: Units) -> str:
-    """Describe what a tool does."""
+    """Describe what a tool does, and say whether so few nodes touch it that the mesh matters."""
     total = ",".join(f"{value:.6g}" for value in contact.reaction)
+    remark = FEW if 0 < contact.nodes < FEWEST[len(contact.reaction)] else ""
     return (
         f"tool: force {total} {units.force} on {contact.nodes} nodes, penetration "
-        f"{contact.penetration:.2g} {units.length}"
+        f"{contact.penetration:.2g} {units.length}{remark}"
     )

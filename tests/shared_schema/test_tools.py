@@ -10,7 +10,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from shared_schema.common.errors import InputError
-from shared_schema.tools import Mesh, Sphere, parse_tool
+from shared_schema.common.units import SI
+from shared_schema.tools import Contact, Mesh, Sphere, contact_line, parse_tool
 from tests.closed_surfaces import CUBE, FACES, ball, surface_file
 
 
@@ -127,3 +128,12 @@ def test_files_without_triangles(content: bytes, said: str, tmp_path: Path) -> N
         Mesh(path)
     with pytest.raises(InputError, match=r"--tool mesh:.*empty"):
         parse_tool(f"mesh:{path}", 3)
+
+
+@pytest.mark.parametrize(("d", "fewest"), [(2, 3), (3, 8)])
+def test_the_line_of_a_tool(d: int, fewest: int) -> None:
+    """It says that a force on few nodes depends on the mesh; none of them is no force."""
+    for touched in (0, 1, fewest - 1, fewest):
+        line = contact_line(Contact(np.eye(12, d)[:1].repeat(touched, axis=0), 0.0), SI)
+        assert f"N on {touched} nodes" in line
+        assert ("at most a third of the tool's radius" in line) == (0 < touched < fewest)
