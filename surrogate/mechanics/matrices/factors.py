@@ -10,7 +10,7 @@ unknowns in an order of least degree, which limits the fill; the signs of D tell
 positive definite (Sylvester's law of inertia). Where ``pypardiso`` is installed
 (``pip install solid-surrogate[large]``; x86), PARDISO factorises a matrix by Cholesky's method, on
 a body of 20 000 nodes in a tenth of the time; it fails exactly where a matrix is not positive
-definite.
+definite. That of a body with pressures of its own it factorises as :math:`L D L^T`, with pivots.
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ MANY, WIDE = 4, 16  # right-hand sides, and diagonals, from which on blocks are 
 BLOCK = 128  # columns of a block
 IN_PLACE = {"diag_pivot_thresh": 0.0, "permc_spec": "NATURAL", "options": {"SymmetricMode": True}}
 CLOSE = 1e-5  # relative error that a factor in single precision may have
+NEGATIVE = 23  # what PARDISO says of a factor L D Lᵀ: its number of negative eigenvalues
 ACCURATE = 1e-8  # residual of a solution, relative to the right-hand side
 
 
@@ -212,7 +213,7 @@ def super_lu(matrix: csc_array, negative: int) -> Solver | None:
 
 
 class Pardiso:
-    """A Cholesky factor by PARDISO, of the Math Kernel Library.
+    """A factor by PARDISO, of the Math Kernel Library: L Lᵀ, or L D Lᵀ with pivots.
 
     Parameters
     ----------
@@ -227,17 +228,19 @@ class Pardiso:
         weakref.finalize(self, solver.free_memory, everything=True)
 
     @classmethod
-    def of(cls, matrix: csc_array) -> Pardiso | None:
-        """Factorise a symmetric matrix; None unless it is positive definite."""
+    def of(cls, matrix: csc_array, negative: int) -> Pardiso | None:
+        """Factorise a symmetric matrix; None unless so many of its eigenvalues are negative."""
         import pypardiso
 
-        upper, solver = triu(matrix, format="csr"), pypardiso.PyPardisoSolver(mtype=2)
+        upper = triu(matrix, format="csr")
+        solver = pypardiso.PyPardisoSolver(mtype=-2 if negative else 2)
         try:
             solver.factorize(upper)
         except (pypardiso.pardiso_wrapper.PyPardisoError, ValueError):  # an empty row
             solver.free_memory(everything=True)
             return None
-        return cls(upper, solver)
+        made = cls(upper, solver)
+        return made if negative in (0, solver.get_iparm(NEGATIVE)) else None
 
     def solve(self, right: Array) -> Array:
         """Solve for right-hand sides, (n,) or (n, m) → same; one thread at a time."""
@@ -256,6 +259,16 @@ def has_pardiso() -> bool:
         logger.warning("pypardiso: %s SuperLU, which takes more time, is used", error)
         return False
     return True
+
+
+@cache
+def tell_of_pardiso(unknowns: int) -> None:
+    """Log, once for a body, what takes so long."""
+    logger.info(
+        "a stiffness of %d unknowns is factorised by SuperLU; with `pip install "
+        '"solid-surrogate[large]"` (x86) that takes a tenth of the time or less',
+        unknowns,
+    )
 
 
 SymmetricFactor: TypeAlias = BandCholesky | SparseFactor

@@ -16,17 +16,20 @@ from surrogate.mechanics.matrices.factors import (
     BandLU,
     Factor,
     Pardiso,
+    Solver,
     SparseFactor,
     SymmetricFactor,
     band_order,
     dofs_of_least_degree,
     has_pardiso,
     super_lu,
+    tell_of_pardiso,
 )
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 MOST = 2**27  # entries of a band: 1 GB
+LARGE = 20_000  # unknowns, from which on SuperLU takes many seconds
 
 
 class Layout:
@@ -140,12 +143,16 @@ class Layout:
             band.ravel()[places] = tangent[lower]
             return BandCholesky.of(band)
         matrix, displacements = self.matrix(tangent), self._rows_of_displacements
-        if self._negative == 0 and has_pardiso():
-            cholesky = Pardiso.of(matrix)
-            return None if cholesky is None else SparseFactor(cholesky, matrix, displacements)
-        lu = super_lu(matrix, self._negative)
-        factor = None if lu is None else SparseFactor(lu, matrix, displacements)
-        return factor if factor is not None and factor.is_accurate() else None
+        if has_pardiso():
+            solver: Solver | None = Pardiso.of(matrix, self._negative)
+        else:
+            if self._size > LARGE:
+                tell_of_pardiso(self._size)
+            solver = super_lu(matrix, self._negative)
+        if solver is None:
+            return None
+        factor = SparseFactor(solver, matrix, displacements)
+        return factor if isinstance(solver, Pardiso) or factor.is_accurate() else None
 
     def under_following(
         self, tangent: Array, parts: Iterable[tuple[Numbers, Array]]

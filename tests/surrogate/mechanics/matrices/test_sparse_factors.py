@@ -8,6 +8,7 @@ import torch
 from numpy.typing import NDArray
 
 from shared_schema.materials import NeoHookean
+from surrogate.mechanics.body.elements_of_case import with_elements
 from surrogate.mechanics.certify.correction import correct
 from surrogate.mechanics.certify.fast_estimate import FastEstimate
 from surrogate.mechanics.descent import DrivenBody
@@ -15,6 +16,7 @@ from surrogate.mechanics.descent.carried_compliance import CarriedCompliance
 from surrogate.mechanics.equilibrium.compliance import Compliance
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from surrogate.mechanics.matrices import layout
+from surrogate.mechanics.statics.body import Body
 from tests.surrogate.mechanics.bodies import box, end_load
 
 MATERIAL = NeoHookean(young_modulus=500.0, poisson_ratio=0.4)
@@ -67,6 +69,21 @@ def test_a_matrix_that_is_not_definite(sparse: str) -> None:
     assert places.factor(k) is not None
     assert places.factor(places.on_springs(k, -0.9 * places.diagonal(k))) is None
     assert places.factor(0 * k) is None
+
+
+def test_a_body_with_pressures_of_its_own(sparse: str) -> None:
+    """K has as many negative eigenvalues as there are pressures; more are not stable."""
+    material = {"model": "neo_hookean", "young_modulus": 500.0, "poisson_ratio": 0.49}
+    case = {"element": "incompressible", "material": material}
+    body = Body(with_elements(box("tetra"), case, "consistent"), case).equilibrium
+    f = body.forces_at_points(1e-9 * forces(1))
+    left = body.out_of_balance(body.linear_response(f), f)
+    assert np.abs(left).max() < 1e-3 * np.abs(f).max()  # of the pressures, after one step
+    places = body.layout
+    k = places.assembled(body.solid.stiffness_at_rest())[0]
+    assert places.factor(k) is not None
+    softer = places.on_springs(k, -0.9 * places.diagonal(k))
+    assert places.factor(softer) is None
 
 
 def test_single_precision_is_that_of_the_forces(sparse: str) -> None:
