@@ -42,9 +42,9 @@ def add_to(commands: Commands) -> None:
     parser.add_argument(
         "--poisson-ratio",
         type=float,
-        default=0.45,
+        default=0.4,
         metavar="NU",
-        help="(default 0.45); above 0.4 elements are incompressible, unless --set element=linear",
+        help="(default 0.4); above it elements are incompressible, unless --set element=linear",
     )
     parser.add_argument(
         "--scale", type=positive, default=1.0, metavar="M", help="length of the file's unit in m"

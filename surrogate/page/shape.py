@@ -51,7 +51,7 @@ def page_of_shape(
     supports: Sequence[str],
     young_modulus: float,
     *,
-    poisson_ratio: float = 0.45,
+    poisson_ratio: float = 0.4,
     scale: float = 1.0,
     size: float | None = None,
     repair: bool = False,
