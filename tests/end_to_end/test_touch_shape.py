@@ -40,8 +40,8 @@ def block(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_a_page_of_a_surface(block: Path) -> None:
     """The largest force moves the tip of the linear body by a tenth of its diagonal, 11.5 mm."""
     folder = block.with_name("made")
-    of = ("--scale", "0.001", "--size", "16", "--out", folder, *LINEAR)
-    of = (*of, "--poisson-ratio", "0.45")
+    material = (*LINEAR, "--poisson-ratio", "0.45")
+    of = ("--scale", "0.001", "--size", "16", "--out", folder, *material)
     said = execute(SURROGATE, "touch", block, *HELD, *of).stderr
     assert said.count("linear elements are too stiff for a Poisson's ratio of 0.45") == 1
     assert (folder / "block one.html").stat().st_size > 1e5
