@@ -190,7 +190,7 @@ def variant(options: argparse.Namespace) -> str:
 
 TITLE = "Several seeds"
 ABOUT = (
-    "README's [table of results](../../README.md#results-beside-the-papers) has single runs, of "
+    "README's table of results has single runs, of "
     "seed 0, some of earlier versions and datasets. Here the same recipes are trained with several "
     "seeds, which draw the initial weights, the validation samples and the order of the batches; "
     "the dataset stays. ē is the mean error on its test split: mean ± standard deviation over the "
