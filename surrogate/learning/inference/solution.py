@@ -259,11 +259,10 @@ class Solution:
             error = longest(self.one_direction)
             size = f"estimated error {self.units.written(error)} by one direction"
             parts.append(size if np.isfinite(error) else "inverted elements")
-        if self.verdict is not None:
-            within = (
-                "" if self.tolerance is None else f" within {self.units.written(self.tolerance)}"
-            )
-            parts.append(f"{self.verdict}{within}")
+        if self.verdict == "certified" and self.tolerance is not None:
+            parts.append(f"certified within {self.units.written(self.tolerance)}")
+        elif self.verdict is not None:
+            parts.append(self.verdict)
         if self.stresses:
             mises = self.stresses["von_mises"][self.stresses["jacobian"] > 0]
             parts.append(
