@@ -224,7 +224,7 @@ def test_predict_and_correct(trained: Path, out: Path, capsys: pytest.CaptureFix
     assert code == 0
     printed = capsys.readouterr().out
     assert "predicted, corrected in" in printed
-    assert printed.endswith(", certified within 1 µm\n")
+    assert printed.endswith(", certified within 0.001 mm\n")
     assert sorted(fields) == [
         *("coordinates", "displacement", "estimated_error", "force", "predicted")
     ]
