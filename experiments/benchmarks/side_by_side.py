@@ -299,7 +299,8 @@ displacement of its load, the largest of all loads, beside `datagen run`. Lines 
 for body, material and solve, without reading the mesh. The first answer has reading, compiling \
 and factors in it; the others are the median of what follows. The loops of `surrogate` were \
 compiled before, once a machine; the others compile in their first answer. `surrogate` is here \
-without a network, from the body alone. Scripts are as the tutorials of each program have them, \
-with five load steps where it has steps, and its usual linear solver.
+without a network, from the body alone. Scripts follow the tutorials of each program, \
+with nodal forces and, under pressure, mean dilation added, five load steps where it has steps, \
+and its usual linear solver. Lines of `surrogate` are beside its case, a file.
 
 {lacking()}"""

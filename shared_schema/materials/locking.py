@@ -38,9 +38,8 @@ def locking_warning(element: str, cell_type: str, materials: Materials) -> str |
         Meshio's name.
     materials : Material or tuple of some
     """
-    if element != "linear" or not locks(materials):
+    if element != "linear" or (ratio := largest_ratio(materials)) <= LARGEST_RATIO:
         return None
-    ratio = largest_ratio(materials)
     return (
         f"linear elements are too stiff for a Poisson's ratio of {ratio:g}: a beam of 4 "
         f"{cell_type} cells across bends {shortfall(cell_type, ratio):.0%} too little; "

@@ -94,7 +94,6 @@ def run(options: argparse.Namespace) -> None:
     import surrogate
     from surrogate.page.shape import PageLimitError
 
-    folder = options.out or Path(options.shape.stem)
     try:
         page = surrogate.page_of_shape(
             options.shape,
@@ -106,12 +105,14 @@ def run(options: argparse.Namespace) -> None:
             repair=options.repair,
             zones=options.zones,
             changes=options.changes,
-            out=folder,
+            out=options.out,
         )
-    except PageLimitError:
+    except PageLimitError as error:
         if not options.network:
             raise
+        folder = error.folder
     else:
+        folder = page.parent
         print(page)
         if not options.no_browser:
             webbrowser.open(page.resolve().as_uri())

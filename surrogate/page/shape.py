@@ -222,6 +222,7 @@ class PageLimitError(InputError):
     def __init__(self, limit: str, folder: Path) -> None:
         kept = f"body and load series are there: surrogate predict {folder / 'series'}"
         super().__init__(f"no page: {limit}; {kept}")
+        self.folder = folder
 
 
 def region_of(text: str) -> dict[str, Any]:
