@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from surrogate.learning.models import kinds
 from tests.documentation.page import Block, blocks_of
 from tests.documentation.pages import PAGES, runnable
 from tests.end_to_end.commands import ROOT
@@ -14,6 +15,7 @@ from tests.end_to_end.commands import ROOT
 @pytest.mark.parametrize("page", runnable())
 def test_blocks_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(kinds, "_ADDED", {})  # a page adds an architecture
     for example in blocks_of(page):
         example.evaluate()
 

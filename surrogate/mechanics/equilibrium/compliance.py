@@ -85,12 +85,11 @@ class Compliance(nn.Module):
             matrix = torch.from_numpy(inverse).to(precision)
         self.register_buffer("matrix", matrix, persistent=False)
         self._blocks: dict[torch.device, BlockSolve | None] = {}
-        free, d = np.flatnonzero(~geometry.clamped), geometry.dimension
-        volumes = nodal_volumes(geometry.coordinates, geometry.cells)[free]
-        units = [(free * d + axis, volumes) for axis in range(d)]
+        weight, units = nodal_volumes(geometry.coordinates, geometry.cells)[:, None], []
         pressed = FollowingLoads.of(of_case, np.eye(len(of_case.following)))
-        for load in pressed.at_rest if between else pressed.load[:, : self.equilibrium.nodes]:
-            flat = (load * self.equilibrium.free).ravel()
+        pressures = pressed.at_rest if between else pressed.load[:, : self.equilibrium.nodes]
+        for load in [*(weight * axis for axis in np.eye(geometry.dimension)), *pressures]:
+            flat = (load * self.equilibrium.free[: len(load)]).ravel()
             acting = np.flatnonzero(np.abs(flat) > NOTHING * np.abs(flat).max(initial=0.0))
             units.append((acting, flat[acting]))
         self.kept = KeptResponses(self._solved, size, units)

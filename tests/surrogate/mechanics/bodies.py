@@ -80,3 +80,10 @@ def in_equilibrium(dataset: Dataset) -> Dataset:
         return Samples(samples.force, response(samples.force)[0])
 
     return replace(dataset, train_in_memory=solved(dataset.train), test=solved(dataset.test))
+
+
+def as_simplices(geometry: Geometry) -> Geometry:
+    """The same body with triangles in place of quadrilaterals, tetrahedra of hexahedra."""
+    name, parts = ("triangle", TRIANGLES) if geometry.dimension == 2 else ("tetra", TETRAHEDRA)
+    cells = geometry.cells[:, parts].reshape(-1, parts.shape[1])
+    return replace(geometry, cells=cells, cell_type=name)

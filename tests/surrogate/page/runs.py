@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,17 +11,9 @@ from surrogate.learning.data.dataset import Dataset
 from surrogate.learning.runs.description import describe
 from surrogate.learning.runs.folder import RunFolder
 from surrogate.mechanics.body.geometry import Geometry
-from tests.surrogate.mechanics.bodies import TETRAHEDRA, TRIANGLES
 from tests.surrogate.unet_configs import unet_config
 
 LINEAR = {"inputs": ["force", "linear_gradient"], "skip": "linear"}
-
-
-def as_simplices(geometry: Geometry) -> Geometry:
-    """The same body with triangles in place of quadrilaterals, tetrahedra of hexahedra."""
-    name, parts = ("triangle", TRIANGLES) if geometry.dimension == 2 else ("tetra", TETRAHEDRA)
-    cells = geometry.cells[:, parts].reshape(-1, parts.shape[1])
-    return replace(geometry, cells=cells, cell_type=name)
 
 
 def untrained(

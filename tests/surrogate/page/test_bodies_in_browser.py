@@ -17,8 +17,9 @@ from surrogate.learning.training.loop import train
 from surrogate.mechanics.statics.load import given_load
 from surrogate.page.page import write_page
 from tests.surrogate.learning.inference.test_export import embedded
+from tests.surrogate.mechanics.bodies import as_simplices
 from tests.surrogate.page.browser import OpenPage
-from tests.surrogate.page.runs import LINEAR, as_simplices, untrained
+from tests.surrogate.page.runs import LINEAR, untrained
 from tests.surrogate.rollers import held_components
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]

@@ -19,6 +19,7 @@ from surrogate.mechanics.equilibrium.following_loads import FollowingLoads
 from surrogate.mechanics.equilibrium.kept_responses import KeptResponses
 from surrogate.mechanics.matrices import factors
 from surrogate.mechanics.matrices.factors import BandCholesky
+from tests.surrogate.mechanics.bodies import as_simplices
 from tests.surrogate.plane_strain import plane_strain_stiffness
 
 
@@ -141,21 +142,29 @@ def test_body_forces_cost_no_solve(
         large.respond((weight * x).astype(np.float32)[None])
 
 
-def test_pressures_cost_no_solve(dataset: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("points", [False, True], ids=["nodes", "points between nodes"])
+def test_pressures_cost_no_solve(
+    points: bool, dataset: Dataset, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A pressure of the case at rest, beside a body force and forces on nodes: a sum as well."""
     monkeypatch.setattr(compliance, "DENSE", 0)
     monkeypatch.setattr(kept_responses, "LOADED", 2)
-    x, cells = dataset.geometry.coordinates, dataset.geometry.cells
-    facets = boundary_facets(cells, dataset.geometry.cell_type)
+    body = as_simplices(dataset.geometry) if points else dataset.geometry
+    x, cells = body.coordinates, body.cells
+    facets = boundary_facets(cells, body.cell_type)
     top = (x[facets][..., 1] == x[:, 1].max()).all(axis=1)
-    geometry = replace(dataset.geometry, pressed=facets[top])
-    large = Compliance(geometry, dataset.material)
+    body = replace(body, has_points_between=points, pressed_by_corners=points)
+    geometry = replace(body, pressed=facets[top])
+    large = Compliance(geometry, dataset.material, on_points=points)
     pressure = FollowingLoads.of(geometry, np.array([[2.5]])).load[0]
     assert np.count_nonzero(pressure) > 2
-    touched = np.zeros_like(x)
-    touched[(~geometry.clamped).nonzero()[0][3]] = 0.4, 0.2
-    weight = np.outer(nodal_volumes(x, cells), [0.3, -1.7])
-    force = np.stack([pressure, pressure + touched, pressure + touched + weight])
+    on_points = large.equilibrium.geometry
+    weight = np.outer(nodal_volumes(on_points.coordinates, on_points.cells), [0.3, -1.7])
+    touched = np.zeros_like(weight)
+    touched[: len(x)] = pressure
+    touched[(~geometry.clamped).nonzero()[0][3]] += 0.4, 0.2
+    force = np.stack([np.zeros_like(weight), touched, touched + weight])
+    force[0, : len(x)] = pressure
     expected = large.respond(force)
     for _ in range(2):
         found = large.respond(force.astype(np.float32))
