@@ -21,8 +21,8 @@ PUBLISHED = $(RUN)/published.yaml
 RECORD = $(if $(filter det,$(MODEL)),,$(wildcard docs/results/$(CASE)-det-$(RECIPE).json))
 
 DEBIAN_PYTHON := /usr/bin/python3
-DEBIAN_PACKAGES := gcc openmpi-bin python3-dolfinx python3-gmsh python3-h5py python3-matplotlib \
-	python3-meshio python3-venv python3-yaml
+DEBIAN_PACKAGES := gcc libopenblas0-serial openmpi-bin python3-dolfinx python3-gmsh python3-h5py \
+	python3-matplotlib python3-meshio python3-venv python3-yaml
 NODE_PACKAGES := nodejs npm
 BROWSER_PACKAGES := chromium
 CALCULIX_PACKAGES := calculix-ccx
