@@ -7,7 +7,7 @@ COPY docker/left-out.cfg /etc/dpkg/dpkg.cfg.d/left-out
 RUN apt-get update \
     && apt-get install -y --no-install-recommends \
         gcc=4:14.2.0-* \
-        libopenblas0-serial=0.3.29+ds-3* \
+        libopenblas0-serial=0.3.29+ds-* \
         openmpi-bin=5.0.7-* \
         python3-dolfinx=1:0.9.0-* \
         python3-gmsh=4.13.1+ds1-* \
