@@ -241,7 +241,9 @@ def _make_exportable(module: nn.Module) -> None:
     if not isinstance(module, LinearResponse):
         return
     compliance = module.compliance
-    if isinstance(compliance, Compliance) and not len(compliance.matrix):
+    if isinstance(compliance, Compliance) and compliance.is_small:
+        compliance.make_dense()
+    elif isinstance(compliance, Compliance):
         if compliance.equilibrium.layout.width is None:
             raise InputError(
                 f"the stiffness of {len(compliance.dofs)} degrees of freedom is too large for an "

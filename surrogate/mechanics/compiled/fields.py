@@ -12,6 +12,7 @@ the mechanics as they are: a compiled function contains those that it calls, fro
 from __future__ import annotations
 
 import gc
+import logging
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -27,6 +28,7 @@ from numpy.typing import NDArray
 Array = NDArray[Any]  # of one precision
 Function = TypeVar("Function", bound=Callable[..., object])
 SOURCES = Path(__file__).parents[1]
+logger = logging.getLogger(__name__)
 SUMS = {"reassoc", "contract", "arcp", "nsz"}  # in any order; infinite numbers are kept
 
 
@@ -96,6 +98,7 @@ def _compile_at_one_go(compiler: Any) -> None:
     compile_ = compiler.compile
 
     def compile_at_one_go(*of: object) -> object:
+        say_once()
         collects = gc.isenabled()
         gc.disable()
         try:
@@ -105,6 +108,12 @@ def _compile_at_one_go(compiler: Any) -> None:
                 gc.enable()
 
     compiler.compile = compile_at_one_go
+
+
+@cache
+def say_once() -> None:
+    """Say that code is compiled, when a process begins with it."""
+    logger.info("code is compiled for this kind of body, once: some seconds up to a minute")
 
 
 def _save_one_at_a_time(kept: Any) -> None:

@@ -1,7 +1,7 @@
 r"""The compliance of the undeformed body: :math:`u = K^{-1} f` at all points, as PyTorch has it.
 
-K and its factor are those of `surrogate.mechanics.equilibrium.out_of_balance`. A small body keeps
-K⁻¹ as a dense matrix, for exported files, a GPU and, up to `BY_MATRIX` degrees of freedom, where it
+K and its factor are those of `surrogate.mechanics.equilibrium.out_of_balance`. A small body has K⁻¹
+as a dense matrix, for exported files, a GPU and, up to `BY_MATRIX` degrees of freedom, where it
 fits the cache, a CPU; otherwise the factor solves. Columns of K⁻¹ that are met and the responses to
 uniform body forces are kept (`surrogate.mechanics.equilibrium.kept_responses`): a load that is made
 of them costs a sum. Forces in single precision are solved for by a factor in single precision,
@@ -10,7 +10,8 @@ unless the body is so slender that this has an effect.
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, Self
 
 import numpy as np
 import torch
@@ -57,8 +58,10 @@ class Compliance(nn.Module):
         Layout and factor of K are its own.
     dofs : Tensor of int, (n,)
         Degrees of freedom, point · d + component: those of one component after the other.
+    is_small : bool
+        Whether there may be a dense K⁻¹.
     matrix : Tensor, (n, n)
-        K⁻¹ in m/N; empty for a large body.
+        K⁻¹ in m/N; empty for a large body, and until `make_dense`.
     kept : KeptResponses
     """
 
@@ -78,12 +81,12 @@ class Compliance(nn.Module):
         of_case, geometry = geometry, self.equilibrium.geometry
         size = self.equilibrium.free.size
         component, point = np.nonzero(self.equilibrium.free.T)
-        dofs, matrix = point * geometry.dimension + component, torch.empty(0)
+        dofs = point * geometry.dimension + component
+        self.is_small = 0 < len(dofs) <= DENSE
         self.register_buffer("dofs", torch.from_numpy(dofs), persistent=False)
-        if len(dofs) <= DENSE:
-            inverse = self.solve(np.eye(size)[dofs])[:, dofs]
-            matrix = torch.from_numpy(inverse).to(precision)
-        self.register_buffer("matrix", matrix, persistent=False)
+        self.register_buffer("matrix", torch.empty(0, dtype=precision), persistent=False)
+        if len(dofs) <= BY_MATRIX:
+            self.make_dense()
         self._blocks: dict[torch.device, BlockSolve | None] = {}
         weight, units = nodal_volumes(geometry.coordinates, geometry.cells)[:, None], []
         pressed = FollowingLoads.of(of_case, np.eye(len(of_case.following)))
@@ -93,6 +96,18 @@ class Compliance(nn.Module):
             acting = np.flatnonzero(np.abs(flat) > NOTHING * np.abs(flat).max(initial=0.0))
             units.append((acting, flat[acting]))
         self.kept = KeptResponses(self._solved, size, units)
+
+    def make_dense(self) -> None:
+        """Compute the dense K⁻¹ of a small body, unless it is there."""
+        if self.is_small and not len(self.matrix):
+            dofs = self.dofs.cpu().numpy()
+            inverse = self.solve(np.eye(self.equilibrium.free.size)[dofs])[:, dofs]
+            self.matrix = torch.from_numpy(inverse).to(self.matrix)
+
+    def _apply(self, fn: Callable[[Tensor], Tensor], recurse: bool = True) -> Self:
+        if fn(torch.empty(0)).device.type != "cpu":
+            self.make_dense()
+        return super()._apply(fn, recurse)  # type: ignore[no-untyped-call]
 
     def forward(self, force: Tensor) -> Tensor:
         """Respond to forces in N by displacements in m: (N, n_points, d) → same."""
@@ -114,7 +129,7 @@ class Compliance(nn.Module):
 
     def is_on(self, device: torch.device) -> bool:
         """Whether responses are computed on a device."""
-        return len(self.matrix) > 0 or self.blocks_on(device) is not None
+        return self.is_small or self.blocks_on(device) is not None
 
     def inputs_at(self, nodes: NDArray[np.int64]) -> NDArray[np.int64]:
         """Degrees of freedom that are not held, of some nodes: component by component."""
@@ -149,7 +164,7 @@ class Compliance(nn.Module):
     @property
     def _by_matrix(self) -> bool:
         """Whether a CPU responds by K⁻¹."""
-        return 0 < len(self.matrix) <= BY_MATRIX
+        return len(self.matrix) > 0 and len(self.dofs) <= BY_MATRIX
 
 
 @torch.inference_mode(False)

@@ -61,7 +61,7 @@ class SeriesResponse(LinearResponse):
         super().__init__(geometry, material, gradient, torch.float64, on_points=True)
         compliance = self.compliance
         assert isinstance(compliance, Compliance)
-        self.precision = torch.float64 if len(compliance.matrix) else torch.float32
+        self.precision = torch.float64 if compliance.is_small else torch.float32
         self.order, self.equilibrium = order, compliance.equilibrium
         responses = self._respond_at_points, compliance.respond
         self.series = BodySeries(self.equilibrium, order, *responses, self.precision)

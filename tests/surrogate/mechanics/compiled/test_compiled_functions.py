@@ -75,11 +75,15 @@ def test_a_part_that_changes_is_compiled_again(tmp_path: Path) -> None:
     (tmp_path / "caller.py").write_text(CALLER)
     path = os.pathsep.join([str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])])
     environment = os.environ | {"PYTHONPATH": path, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
-    command = [sys.executable, "-B", "-c", "from caller import product; print(product(1.0))"]
-    for factor in ("2.0", "3.25"):
+    told = "import logging; logging.basicConfig(level=logging.INFO); "
+    call = "from caller import product; print(product(1.0))"
+    command = [sys.executable, "-B", "-c", told + call]
+    for factor, says in (("2.0", True), ("3.25", True), ("3.25", False)):
         (tmp_path / "part.py").write_text(PART.format(factor))
+        os.utime(tmp_path / "part.py", (0, 0))  # its size or its time tells a change
         found = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
         assert found.stdout == f"{float(factor)}\n"
+        assert ("code is compiled" in found.stderr) == says
 
 
 @pytest.mark.slow
