@@ -111,7 +111,7 @@ class Compliance(nn.Module):
 
     def forward(self, force: Tensor) -> Tensor:
         """Respond to forces in N by displacements in m: (N, n_points, d) → same."""
-        precise = force.to(self.matrix.dtype) if len(self.matrix) else force
+        precise = force.to(self.matrix.dtype) if self.is_small else force
         elsewhere = torch.compiler.is_compiling() or force.device.type != "cpu"
         if len(self.matrix) and (elsewhere or self._by_matrix):
             found = at_dofs(precise, self.dofs, lambda f: functional.linear(f, self.matrix))
