@@ -250,6 +250,7 @@ def drawn(geometry: Geometry) -> Arrays:
         "triangles": surface.triangles,
         "lines": surface.lines,
         "features": surface.features,
+        "seams": surface.seams,
     }
     return arrays | below("marks", support_marks(geometry, surface.supports))
 

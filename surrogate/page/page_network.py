@@ -117,7 +117,7 @@ def surface_arrays(arrays: Arrays, nodes: Integers) -> Arrays:
     """Arrays of a page (`drawn`, `load_arrays`) of some nodes alone, those of the surface."""
     number = np.full(len(arrays["coordinates"]), -1, dtype=np.int32)
     number[nodes] = np.arange(len(nodes))
-    found = dict(arrays) | {"cells": arrays["cells"][:0]}
+    found = dict(arrays) | {name: arrays[name][:0] for name in ("cells", "seams")}
     found |= {name: arrays[name][nodes] for name in OF_NODES if name in arrays}
     found |= {name: number[arrays[name]] for name in NUMBERS if name in arrays}
     if "patches/starts" in arrays:

@@ -1,4 +1,4 @@
-"""What of a mesh is drawn: triangles, lines of the mesh, feature lines, supports."""
+"""What of a mesh is drawn: triangles, lines of the mesh, feature lines, supports, materials."""
 
 from __future__ import annotations
 
@@ -40,6 +40,8 @@ class Surface:
         Those of them that show the body's shape: the boundary, in space the sharp edges.
     supports : array of int, (n_supports, d)
         Boundary edges (in space: triangles) whose nodes are all held, in one component at least.
+    seams : array of int, (n_seams, d)
+        Edges (in space: triangles) between cells of two materials.
     """
 
     vertices: Integers
@@ -47,6 +49,7 @@ class Surface:
     lines: Integers
     features: Integers
     supports: Integers
+    seams: Integers
 
 
 def surface_of(geometry: Geometry) -> Surface:
@@ -76,7 +79,18 @@ def surface_of(geometry: Geometry) -> Surface:
         lines=lines.astype(np.int32),
         features=sharp.astype(np.int32),
         supports=(held if geometry.dimension == 2 else triangulated(held)).astype(np.int32),
+        seams=seams_of(geometry).astype(np.int32),
     )
+
+
+def seams_of(geometry: Geometry) -> NDArray[np.int64]:
+    """Edges (in space: triangles) between cells of two materials: (n_seams, d)."""
+    parts = np.zeros(len(geometry.cells), np.int64) if geometry.parts is None else geometry.parts
+    bodies = [geometry.cells[parts == part] for part in np.unique(parts)]
+    facets = np.concatenate([boundary_facets(body, geometry.cell_type) for body in bodies])
+    _, first, count = np.unique(np.sort(facets), axis=0, return_index=True, return_counts=True)
+    between = facets[first[count == 2]]
+    return between if geometry.dimension == 2 else triangulated(between)
 
 
 def support_marks(geometry: Geometry, supports: Integers) -> dict[str, NDArray[np.float64]]:

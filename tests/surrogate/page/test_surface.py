@@ -70,6 +70,22 @@ def test_smooth_surface_shares_its_vertices() -> None:
     assert len(surface.features) == 4 * (NX - 1 + NY - 1 + NZ - 1)
 
 
+@pytest.mark.parametrize("cell_type", ["quad", "triangle", "hexahedron", "tetra"])
+def test_seams_between_two_materials(cell_type: str) -> None:
+    """Halves of the box meet at x = 1 m: on 1 m², in the plane on 1 m; one material has none."""
+    geometry = box(cell_type)
+    assert surface_of(geometry).seams.shape == (0, geometry.dimension)
+    beyond = geometry.coordinates[geometry.cells, 0].mean(axis=1) > 1
+    corners = geometry.coordinates[
+        surface_of(replace(geometry, parts=beyond.astype(np.int64))).seams
+    ]
+    np.testing.assert_allclose(corners[..., 0], 1)
+    sides = np.diff(np.pad(corners, ((0, 0), (0, 0), (0, 3 - geometry.dimension))), axis=1)
+    lengths = np.linalg.norm(sides[:, 0], axis=1)
+    areas = np.linalg.norm(np.cross(sides[:, 0], sides[:, -1]), axis=1) / 2
+    assert (lengths if geometry.dimension == 2 else areas).sum() == pytest.approx(1)
+
+
 def test_mesh_without_a_surface_is_refused() -> None:
     geometry = box("quad")
     for without in (

@@ -53,6 +53,8 @@ interface Written {
   triangles: Int32Array;
   lines: Int32Array;
   features: Int32Array;
+  /** Nodes of the corners of what lies between two materials: triangles, in the plane lines. */
+  seams: Int32Array;
   /** Marks of the supports in m: ends of lines, corners of triangles, and points, (n, 3) each. */
   marks: { lines: Float64Array; faces: Float64Array; points: Float64Array };
   /** The body of the finite elements; null where no errors are estimated. */

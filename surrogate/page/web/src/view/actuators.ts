@@ -1,11 +1,10 @@
 /** What actuates the body, seen through it: walls of chambers, cables, and the target of a node. */
 
-import { type BufferAttribute, Group, Mesh, type Points } from "three";
+import { type BufferAttribute, Group, type Points } from "three";
 import type { Content } from "../content";
 import { placesOf } from "../mechanics/following";
 import type { State } from "../state";
-import { discs, dynamic, geometryOf, segments } from "./body_mesh";
-import { material } from "./materials";
+import { discs, dynamic, inside, segments } from "./body_mesh";
 
 const CHAMBER = 0x1f5f8b;
 const CABLE = 0x0f7a4d;
@@ -29,9 +28,7 @@ export class DrawnActuators {
     const chambers = actuation?.chambers ?? [];
     this.target = discs(this.place, [0], 17, TARGET, 1);
     const parts = [
-      d === 2
-        ? segments(nodes, chambers, CHAMBER, 1)
-        : new Mesh(geometryOf(nodes, chambers), material({ colour: CHAMBER, opacity: 0.3 })),
+      inside(nodes, chambers, d, CHAMBER),
       segments(this.cables, legs, CABLE, 1),
       discs(this.cables, [...of.keys()], 5, CABLE, 1),
       this.target,

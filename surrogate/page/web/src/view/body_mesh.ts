@@ -1,4 +1,4 @@
-/** The body in the scene: its coloured surface and lines, its ghost at rest, its nodes. */
+/** The body in the scene: coloured surface, lines, ghost at rest, nodes, what is between materials. */
 
 import {
   BufferAttribute,
@@ -20,6 +20,7 @@ import { material } from "./materials";
 const INK = 0x1d2733;
 const GHOST = 0x7d8796;
 const CURSOR = 0xc2410c;
+const SEAM = 0x6b2fa0;
 const NEUTRAL = new Color(0.8, 0.82, 0.85); // of a body without values
 
 export class BodyMesh {
@@ -33,7 +34,7 @@ export class BodyMesh {
   private readonly mesh: LineSegments;
 
   constructor(private readonly content: Content) {
-    const { d, vertices, triangles, lines, features, patches, places } = content;
+    const { d, vertices, triangles, lines, features, seams, patches, places } = content;
     const isPlane = d === 2;
     this.rest = new Float32Array(content.nodes * 3).map((_, i) =>
       i % 3 < d ? content.coordinates[Math.floor(i / 3) * d + (i % 3)] : 0,
@@ -53,6 +54,7 @@ export class BodyMesh {
       this.mesh,
       segments(this.nodes, features, INK, 0.85),
       discs(this.nodes, touchable, isPlane ? 6 : 4, INK, isPlane ? 0.8 : 0.5),
+      inside(this.nodes, seams, d, SEAM),
       this.cursor,
     );
     this.group.children.forEach((part: Object3D) => (part.frustumCulled = false));
@@ -159,6 +161,20 @@ export function segments(
   opacity: number,
 ): LineSegments {
   return new LineSegments(geometryOf(place, index), material({ colour, opacity }));
+}
+
+/** Lines in the plane, or faces in space, that are seen through the body. */
+export function inside(
+  place: BufferAttribute,
+  index: ArrayLike<number>,
+  d: number,
+  colour: number,
+): LineSegments | Mesh {
+  const look = material({ colour, opacity: d === 2 ? 1 : 0.3 });
+  look.depthTest = false;
+  const part = new (d === 2 ? LineSegments : Mesh)(geometryOf(place, index), look);
+  part.renderOrder = 1;
+  return part;
 }
 
 export function discs(
