@@ -39,7 +39,7 @@ def compared(case: str, count: int, work: Path) -> Results:
     make = ["run", case, "--samples", count, "--out", theirs]
     for words in (["body", case, "--out", body], make):
         factory(*words)
-    for samples in (min(FIRST, count), count):
+    for samples in (count,) if ours.is_dir() else (min(FIRST, count), count):
         surrogate.sample(body, ours, samples)
     arrays = []
     for folder in (theirs, ours):
