@@ -47,8 +47,10 @@ def add_to(commands: Commands) -> None:
     effort = "weight of what actuators do, beside the distance from targets (default 1e-3)"
     parser.add_argument("--effort", type=positive, metavar="E", help=effort)
     parser.add_argument("--modes", type=Path, metavar="FILE", help=MODES)
-    samples = "equilibria that the modes are made of (default 128)"
+    samples = "equilibria that the modes are made of; new ones if they are of fewer (default 128)"
     parser.add_argument("--samples", type=whole, metavar="N", help=samples)
+    certify = "estimate the error of the modes, under the tensions and pressures that are found"
+    parser.add_argument("--certify", action="store_true", help=certify)
     confirm = "go on from the modes to the equilibrium of the finite elements"
     parser.add_argument("--confirm", action="store_true", help=confirm)
     parser.add_argument("--out", type=Path, metavar="FILE.(npz|vtu|xdmf)", help="displacement")
@@ -86,6 +88,8 @@ def run(options: argparse.Namespace) -> None:
     for line in found.lines():
         print(line)
     print(f"largest displacement {found.largest:.4g} m")
+    if options.certify:
+        print(model.certify(found, options.load).summary())
     if reaching and targets:
         far = found.missed > REACHED * model.size
         out_of_reach = ", out of reach of the actuators: this is the nearest" if far else ""

@@ -37,6 +37,7 @@ FIELDS = (  # in the order of a solution file; those that are None are left out
     "half_width",
     "reaction",
 )
+WIDE = 0.01  # of the largest displacement: a tolerance in m beyond which its share is said
 OF_STRAIN = ("deformation_gradient", "jacobian")  # no stresses
 
 
@@ -260,7 +261,9 @@ class Solution:
             size = f"estimated error {self.units.written(error)} by one direction"
             parts.append(size if np.isfinite(error) else "inverted elements")
         if self.verdict == "certified" and self.tolerance is not None:
-            parts.append(f"certified within {self.units.written(self.tolerance)}")
+            share = self.tolerance / (longest(self.displacement) or np.inf)
+            of_all = f", {share:.0%} of the largest displacement" if share > WIDE else ""
+            parts.append(f"certified within {self.units.written(self.tolerance)}{of_all}")
         elif self.verdict is not None:
             parts.append(self.verdict)
         if self.stresses:

@@ -37,6 +37,7 @@ from surrogate.mechanics.actuation.response_surface import ResponseSurface
 from surrogate.mechanics.actuation.sampled_states import actuators_of, sampled_states
 from surrogate.mechanics.actuation.targets import Search, Values, targets_of
 from surrogate.mechanics.body.geometry import Geometry
+from surrogate.mechanics.certify.full_certificate import Certificate
 from surrogate.mechanics.statics.body import Body
 from surrogate.mechanics.statics.load import Load
 from surrogate.runtime.tensor_file import load_tensors, serialised
@@ -130,6 +131,8 @@ class Actuation:
     coefficients : array, (n_states, n_modes)
         Of the states that the modes come from.
     nearby : NearbyStates
+    asked : int
+        Number of equilibria that were asked for.
     """
 
     def __init__(
@@ -139,10 +142,11 @@ class Actuation:
         sample: CellSample,
         coefficients: Array,
         nearby: NearbyStates,
+        asked: int = 0,
     ) -> None:
         self.body, self.sample, self.actuators = body, sample, actuators_of(body)
         self.reduced = ReducedBody(body.equilibrium, self.actuators.loads, modes, sample)
-        self.coefficients, self.nearby = coefficients, nearby
+        self.coefficients, self.nearby, self.asked = coefficients, nearby, asked
 
     @classmethod
     def fit(
@@ -182,7 +186,7 @@ class Actuation:
         (dead,) = body.equilibrium.forces_at_points(Load.of(body.geometry).dead[None])
         in_modes = ActuatedModes(reduced, reduced.works_of(dead), measures=False)
         nearby = NearbyStates.fit(in_modes, coefficients, amplitudes)
-        return cls(body, modes, sample, coefficients, nearby)
+        return cls(body, modes, sample, coefficients, nearby, samples)
 
     @classmethod
     def of_folder(
@@ -203,20 +207,30 @@ class Actuation:
         body : Body
         loads : sequence of str
         samples : int, optional
-            New modes are made if it is given.
+            Number of equilibria, of `fit` by default. New modes are made if those that are kept are
+            of fewer.
         file : Path, optional
             Where the modes are kept; by default ``actuation.safetensors`` in the folder.
         """
         path = file or Path(folder) / KEPT
-        if path.is_file() and samples is None:
+        if path.is_file() and (samples or 0) <= cls._asked(path):
             return cls.read(path, body)
         require_writable(path)
-        model = cls.fit(body, loads, samples=samples or SAMPLES)
+        count = samples or SAMPLES
+        told = "%s: modes of %d equilibria are made, once (--samples N of surrogate actuate: of N)"
+        logger.info(told, path, count)
+        model = cls.fit(body, loads, samples=count)
         model.save(path)
         logger.info("%s: %d modes", path, len(model.reduced.modes))
         return model
 
-    def save(self, path: Path) -> None:
+    @staticmethod
+    def _asked(path: Path) -> int:
+        """Number of equilibria that the modes in a file were asked for; 0 of earlier versions."""
+        tensors, _ = load_tensors(path)
+        return int(tensors["asked"][0]) if "asked" in tensors else 0
+
+    def save(self, path: str | Path) -> None:
         """Write what `read` reads."""
         arrays = {
             "modes": self.reduced.modes,
@@ -226,14 +240,15 @@ class Actuation:
             "coefficients": self.coefficients,
             "states": self.nearby.states.coefficients,
             "tangents": self.nearby.tangents.coefficients,
+            "asked": np.array([self.asked]),
         }
         tensors = {name: torch.from_numpy(np.ascontiguousarray(a)) for name, a in arrays.items()}
-        path.write_bytes(serialised(tensors))
+        Path(path).write_bytes(serialised(tensors))
 
     @classmethod
-    def read(cls, path: Path, body: Body) -> Actuation:
+    def read(cls, path: str | Path, body: Body) -> Actuation:
         """Read a file for its body; InputError if it is damaged, or of another body."""
-        tensors, _ = load_tensors(path)
+        tensors, _ = load_tensors(Path(path))
         try:
             arrays = {name: tensor.numpy() for name, tensor in tensors.items()}
             sample = CellSample(arrays["cells"], arrays["weights"])
@@ -241,7 +256,8 @@ class Actuation:
             if modes.shape[1:] != expected or box.shape != (2, len(actuators_of(body))):
                 raise ValueError(f"modes of shape {modes.shape[1:]}, expected {expected}")
             both = (ResponseSurface(box.shape[1], arrays[key]) for key in ("states", "tangents"))
-            return cls(body, modes, sample, arrays["coefficients"], NearbyStates(box, *both))
+            states, asked = arrays["coefficients"], int(arrays.get("asked", [0])[0])
+            return cls(body, modes, sample, states, NearbyStates(box, *both), asked)
         except (KeyError, ValueError) as error:
             raise InputError(f"{path}: no actuation of this body ({error})") from None
 
@@ -279,8 +295,22 @@ class Actuation:
         """
         texts = [f"{k}={v}" for k, v in given.items()] if isinstance(given, Mapping) else given
         controls = self.actuators.given(texts)
+        self._warn_of(controls)
         state = self.balanced(controls, self.work(load), None if start is None else start.state)
         return self._result(controls, state)
+
+    def _warn_of(self, controls: Sequence[Control]) -> None:
+        """Log a warning for what is given beyond the limits of the case."""
+        every = self.names, self.actuators.actuators, controls, self.actuators.idle
+        for name, actuator, control, idle in zip(*every, strict=True):
+            low, high = actuator.limits
+            if (
+                control != idle
+                and control.kind == actuator.kind
+                and not (low <= control.value <= high)
+            ):
+                said = "%s = %g: the limits of the case, for which the modes are, are %g and %g"
+                logger.warning(said, name, control.value, low, high)
 
     def reach(
         self,
@@ -343,6 +373,15 @@ class Actuation:
             at_points=state.state.reshape(force.shape),
             amplitudes=dict(zip(self.names, state.amplitudes.tolist(), strict=True)),
         )
+
+    def certify(self, found: ActuatedState, load: str | Sequence[str] = ()) -> Certificate:
+        """Estimate the error of a state under its tensions and pressures, as `Body.certify`."""
+        whole, geometry = Load.of(self.body.geometry, load), self.body.geometry
+        assert whole.following is not None
+        amplitudes = np.zeros((1, len(whole.following.units)))
+        amplitudes[0, len(geometry.surfaces) :] = list(found.amplitudes.values())
+        acting = Load(whole.dead, replace(whole.following, amplitudes=amplitudes))
+        return self.body.certify(acting, found.displacement)
 
     def limits(self, within: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:
         """Limits of what is given, those of the case or others: (n_actuators,) each."""

@@ -197,12 +197,12 @@ def _damped(
 
 def moved_by(body: BorderedBody, controls: Sequence[Control], at: Balanced) -> Array:
     """Derivatives of a state in equilibrium by what is given of each actuator: (n_units, n)."""
-    return followed(body, controls, at, np.zeros((0, len(at.state))))[1]
+    return followed(body, controls, at, np.zeros((0, len(at.state))))[2]
 
 
 def followed(
     body: BorderedBody, controls: Sequence[Control], near: Balanced, forces: Array
-) -> tuple[Balanced, Array]:
+) -> tuple[Balanced, float, Array]:
     """A step of Newton's method from nearby, and derivatives of the state, by one tangent.
 
     Parameters
@@ -217,6 +217,8 @@ def followed(
     -------
     Balanced
         After the step.
+    float
+        Work in J of the lack of balance along the step, twice the energy that it frees.
     array, (n_units + m, n)
         Derivatives by what is given of each actuator, and by factors on the forces.
 
@@ -242,4 +244,6 @@ def followed(
     right = np.concatenate([-np.diag(by_given), -of_quantities @ moved[count:].T], axis=1)
     found = np.linalg.solve(matrix, right).T @ moved[:count]
     found[count:] += moved[count:]
-    return Balanced(state + step.state, amplitudes + step.amplitudes), np.asarray(found)
+    freed = abs(float(residual.forces @ step.state))
+    after = Balanced(state + step.state, amplitudes + step.amplitudes)
+    return after, freed, np.asarray(found)

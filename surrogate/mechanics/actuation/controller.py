@@ -58,7 +58,8 @@ class ControlFrame:
     unseen : int
         Number of markers that are not seen.
     warning : str
-        Why the last actuations stay, or that the target is out of reach; else empty.
+        Why the last actuations stay, or that the target is out of reach: the body, if it were
+        linear, would not come half as near within all limits. Else empty.
     """
 
     given: dict[str, float]
@@ -204,12 +205,13 @@ class Controller:
         high = np.minimum(self._high, self._values + self._most)
         left = (frame.places - aims).ravel()
         step = self._effort.step(slopes, left, self._values, low, high)
+        far = frame.missed > REACHED * self._of.size
+        stays = bool((np.abs(step) <= SETTLED * unit).all())
+        beyond = far and (stays or self._is_beyond(slopes, left))
         self._values = np.clip(self._values + step, low, high)
         moved = self._last.state + change @ by_parameters + step @ by_given
         self._next = self._last._replace(state=moved)
-        stays = (np.abs(step) <= SETTLED * unit).all()
-        far = frame.missed > REACHED * self._of.size
-        said = "the target is out of reach of the actuators" if stays and far else ""
+        said = "the target is out of reach of the actuators" if beyond else ""
         return replace(frame, given=self.given, warning=said)
 
     @property
@@ -231,6 +233,16 @@ class Controller:
         change = known.values - before
         self._at = at + change @ of_modes
         return change[: len(by_parameters)]
+
+    def _is_beyond(self, slopes: Array, left: Array) -> bool:
+        """Whether the body, if it were linear, would not come half as near in any time."""
+        step = self._effort.step(slopes, left, self._values, self._low, self._high)
+        nearest = left + slopes @ (step / self._effort.unit)
+        far, near = (
+            np.linalg.norm(each.reshape(len(self._targets), -1), axis=1).max()
+            for each in (left, nearest)
+        )
+        return bool(near > max(far / 2, REACHED * self._of.size))
 
     def _frame(self, aims: Array, unseen: int, warning: str = "") -> ControlFrame:
         displacement = np.tensordot(self._at, self._modes, 1)

@@ -24,7 +24,9 @@ from surrogate.mechanics.actuation.actuation import IN_MODES, Actuation
 from surrogate.mechanics.actuation.bordered import Balanced, balanced, followed
 
 Array = NDArray[np.float64]
+SOME = 16  # sampled states
 LONG = 0.05  # of the sampled states: a step of Newton's method after which more follow
+FREED = 1e-3  # of their work: that of a lack of balance after which they do, too
 
 
 class DriftingBody:
@@ -49,7 +51,10 @@ class DriftingBody:
         always = actuation.work(())
         each = [actuation.work([text]) - always for text in loads]
         self._works = np.array([always, *each])
-        self._usual = float(np.sqrt(np.square(actuation.coefficients).sum(axis=1).mean()))
+        states, internal = actuation.coefficients, actuation.reduced.internal
+        self._usual = float(np.sqrt(np.square(states).sum(axis=1).mean()))
+        works = [float(f @ q) for q in states[:SOME] if (f := internal(q)) is not None]
+        self._work = float(np.mean(works))
         self._scales = np.array([control.gives_amplitude for control in self._controls])
 
     def at(self, values: Array, parameters: Array) -> Balanced:
@@ -71,7 +76,8 @@ class DriftingBody:
     ) -> tuple[Balanced, Array, Array]:
         """The equilibrium close to a state, to one step of Newton's method, and its derivatives.
 
-        After a long step, more of them follow.
+        More of them follow a long step, and one that frees energy: a state that has been turned
+        along a straight line is stretched, and its tangent too stiff.
 
         Returns
         -------
@@ -85,10 +91,11 @@ class DriftingBody:
             If there is no equilibrium.
         """
         body, controls = self._under(values, parameters)
-        state, moved = followed(body, controls, near, self._works)
-        if np.linalg.norm(state.state - near.state) > LONG * self._usual:
+        state, freed, moved = followed(body, controls, near, self._works)
+        is_long = np.linalg.norm(state.state - near.state) > LONG * self._usual
+        if is_long or freed > FREED * self._work:
             state = balanced(body, controls, near, IN_MODES)
-            state, moved = followed(body, controls, state, self._works)
+            state, _, moved = followed(body, controls, state, self._works)
         softer, count = np.exp(-parameters[0]), len(values)
         by_given = moved[:count] * np.where(self._scales, softer, 1.0)[:, None]
         by_force = softer * moved[count:]

@@ -323,7 +323,7 @@ def given_load(
     Raises
     ------
     InputError
-        If the load is wrong, or has a pressure that the body's training had none of.
+        If the load is wrong, or has a pressure though the case has none.
     """
     body = geometry.loaded_body
     parts = [load] if isinstance(load, str | Path) else load
@@ -335,7 +335,8 @@ def given_load(
         given = command_loads(body, texts, files, nearest=nearest, body_force=body_force)
         if given.surfaces and geometry.pressed is None:
             raise InputError(
-                "load: a pressure, expected forces; the network was trained on these", "load"
+                "load: a pressure, expected forces; the body's case has no family 'pressure'",
+                "load",
             )
         return given
     given = CommandLoads(body)

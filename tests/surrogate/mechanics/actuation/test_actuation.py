@@ -128,6 +128,38 @@ def test_modes_are_kept(model: Actuation, tmp_path: Path) -> None:
         Actuation.read(path, pulled("triangle", "quadratic"))
 
 
+def test_modes_are_made_anew_of_more_equilibria_alone(
+    model: Actuation, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The file holds those of 12: for 12 or fewer it is read, for 13 they are made."""
+    path = tmp_path / "modes.safetensors"
+    model.save(str(path))
+
+    def made(*_: Any, samples: int) -> Actuation:
+        raise WorkError(f"{samples} are made")
+
+    monkeypatch.setattr(Actuation, "fit", made)
+    for samples in (None, 5, 12):
+        again = Actuation.of_folder(tmp_path, model.body, samples=samples, file=path)
+        assert again.asked == 12
+    with pytest.raises(WorkError, match="13 are made"):
+        Actuation.of_folder(tmp_path, model.body, samples=13, file=path)
+
+
+def test_the_certificate_of_a_state_in_modes(
+    model: Actuation, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Its estimate is the distance to the equilibrium, to 1 %; limits of the case are said."""
+    found = model.at(GIVEN)
+    true = found.displacement - model.confirmed(found).displacement
+    certificate = model.certify(found)
+    assert certificate.settled
+    np.testing.assert_allclose(certificate.error, true, atol=1e-2 * np.abs(true).max())
+    assert not caplog.messages
+    model.at({"along": 40.0})
+    assert "along = 40: the limits of the case" in caplog.text
+
+
 @pytest.mark.parametrize(
     ("given", "said"),
     [

@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from shared_schema.common.errors import InputError, WorkError
+from surrogate.mechanics.actuation import drifting_body
 from surrogate.mechanics.actuation.actuation import Actuation
 from surrogate.mechanics.actuation.controller import ControlFrame, Controller
 from surrogate.mechanics.actuation.drifting_body import DriftingBody
@@ -102,6 +103,27 @@ def test_slopes_of_a_drifting_body_are_derivatives(plant: Plant) -> None:
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-4 * np.abs(expected).max())
 
 
+def test_slopes_after_a_large_step_are_those_of_the_equilibrium(
+    plant: Plant, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A state turned along a straight line is stretched: its own tangent is too stiff."""
+    body, parameters = DriftingBody(plant.model, []), np.zeros(1)
+    before, after = np.array([0.0, 0.0]), np.array([12.0, 0.0])
+    rest = body.at(before, parameters)
+    _, by_given, _ = body.followed(before, parameters, rest)
+    ahead = rest._replace(state=rest.state + (after - before) @ by_given)
+    expected = body.followed(after, parameters, body.at(after, parameters))[1]
+
+    def missed() -> float:
+        found = body.followed(after, parameters, ahead)[1]
+        return float(np.linalg.norm(found - expected) / np.linalg.norm(expected))
+
+    assert missed() < 1e-3
+    monkeypatch.setattr(drifting_body, "FREED", np.inf)
+    monkeypatch.setattr(drifting_body, "LONG", np.inf)
+    assert missed() > 0.02
+
+
 def test_a_payload_that_nobody_told_is_held(plant: Plant) -> None:
     """The tip comes back to its target; a load that may act there is told from the markers."""
     target = plant.goal({"along": 9.0, "anchored": 5.0})
@@ -131,8 +153,7 @@ def test_limits_and_rates_are_kept(plant: Plant) -> None:
         before = frame.given
         said.append(frame.warning)
     assert frame.given["along"] == pytest.approx(8)
-    assert said[0] == ""
-    assert said[-1] == "the target is out of reach of the actuators"
+    assert said[0] == said[-1] == "the target is out of reach of the actuators"
 
 
 def test_what_a_sensor_does_not_see_changes_nothing(plant: Plant) -> None:
