@@ -9,6 +9,7 @@ the body is all there is (`model: series`), the page has no network and computes
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -123,9 +124,12 @@ def write_page(
     surrogate = surrogate.of_shape(parameters) if parameters else surrogate
     order, mechanics = series_order(surrogate), mechanics_of(surrogate)
     if mechanics.band and not fits(surrogate):
+        d = surrogate.geometry.dimension
+        larger = math.ceil(100 * (mechanics.band / BAND) ** (1 / (2 * d - 1)) + 1) / 100
         raise InputError(
             f"page: the body's stiffness takes a band of {mechanics.band} entries, expected {BAND} "
-            "at most, or a deterministic reduced network, for a page"
+            "at most, or a deterministic reduced network, for a page; a mesh of cells "
+            f"{larger:.2f} times as large takes about that"
         )
     if order == 0:
         require_packages("onnx")

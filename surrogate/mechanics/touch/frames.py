@@ -94,11 +94,9 @@ class Frames(ABC, Generic[C, F]):
         """Find a frame by predictions, of the surrogate or others, or else by Newton's method."""
         if self._holds:
             try:
-                predictions = self._predicted(condition, loaded, predict)
+                return self._frame(self._predicted(condition, loaded, predict))
             except WorkError:
                 self._body.forget()  # what has led nowhere is no guide
-            else:
-                return self._frame(predictions)
         frame, field = self._corrected(condition, loaded), self._shown.field
         dead = self._dead(loaded, self._shown.force)
         self._defect.body, self._holds = loaded, loaded.is_stable(field, dead)

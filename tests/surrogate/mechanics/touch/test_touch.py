@@ -142,6 +142,18 @@ def test_frames(beam: surrogate.Surrogate) -> None:
     assert np.abs(lifted.displacement).max() < 1e-6
 
 
+def test_a_load_that_would_carry_the_body_through_the_tool(beam: surrogate.Surrogate) -> None:
+    """At once, the finite elements find what frames under a load that grows come to."""
+    tool, load = Sphere((3.6, -0.35), 0.3), "4,1:0,-{}"
+    at_once = surrogate.Touch(beam).move(tool, load.format(2))
+    assert at_once.correction is not None
+    touch = surrogate.Touch(beam)
+    for force in np.linspace(0.2, 2, 10):
+        touch.move(tool, load.format(force))
+    exact = touch.correct(tool, load.format(2))
+    np.testing.assert_allclose(at_once.reaction, exact.reaction, rtol=1e-6)
+
+
 def test_solve(beam: surrogate.Surrogate) -> None:
     """A floor under a beam with a load, corrected: equilibrium, contact and certificate."""
     floor = Plane((0.0, -0.4), (0.0, 1.0))
