@@ -1,4 +1,6 @@
-r"""Walls of a cavity that pass through each other, which no equation here prevents.
+r"""Walls of a cavity that pass through each other, and points inside of a closed surface.
+
+No equation here prevents the former.
 
 A point just in front of a wall, inside the cavity, is surrounded by the closed surface once: its
 winding number, the solid angle of all facets over 4π (in the plane, the angle over 2π), is 1. If
@@ -31,10 +33,8 @@ def passing_walls(x: Array, facets: NDArray[np.int64]) -> int:
     facets : array of int, (n_facets, n_points of a facet)
         All facets of the cavity, seen from outside of the body.
     """
-    d = x.shape[1]
-    corners = 2 if d == 2 else 3 if facets.shape[1] in (3, 6) else 4
-    simplices = np.concatenate([x[facets[:, some]] for some in TRIANGLES[corners]])
-    if d == 2:
+    simplices = _simplices(x, facets)
+    if x.shape[1] == 2:
         along = simplices[:, 1] - simplices[:, 0]
         normals, size = np.stack([along[:, 1], -along[:, 0]], axis=1), 1.0
     else:
@@ -48,6 +48,17 @@ def passing_walls(x: Array, facets: NDArray[np.int64]) -> int:
         numbers = _winding(ahead[start : start + step], simplices)
         passed += int((np.abs(numbers - 1) > 0.5).sum())
     return passed
+
+
+def surrounds(x: Array, facets: NDArray[np.int64], point: Array) -> bool:
+    """Whether a point, (d,) in m, lies inside of a body with this surface: see `passing_walls`."""
+    return bool(np.abs(_winding(point[None], _simplices(x, facets)))[0] > 0.5)
+
+
+def _simplices(x: Array, facets: NDArray[np.int64]) -> Array:
+    """Corners of lines, or of triangles, that facets are cut into: (n, d, d)."""
+    corners = 2 if x.shape[1] == 2 else 3 if facets.shape[1] in (3, 6) else 4
+    return np.concatenate([x[facets[:, some]] for some in TRIANGLES[corners]])
 
 
 def _winding(points: Array, simplices: Array) -> Array:

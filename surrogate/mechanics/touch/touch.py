@@ -22,8 +22,9 @@ from numpy.typing import NDArray
 
 from shared_schema.common.arguments import checked_arguments, read_only
 from shared_schema.common.bodies.equilibrium import RELATIVE, ForceTolerance
+from shared_schema.common.bodies.passing_walls import surrounds
 from shared_schema.common.errors import WorkError
-from shared_schema.tools import Contact, Tool, require_outside
+from shared_schema.tools import Capsule, Contact, Tool, require_outside
 from surrogate.mechanics.certify.correction import Correction, stable_state
 from surrogate.mechanics.equilibrium.tool_springs import ToolSprings
 from surrogate.mechanics.statics.prediction import Predictor
@@ -167,6 +168,13 @@ class Touch(Frames[ToolContact, TouchFrame]):
                 f"a node is {geometry.units.written(depth)} inside the tool, expected one that "
                 "comes from outside of the body"
             )
+        near = gap.min() < self._model.body.equilibrium.cell_size
+        if near and not force.any() and self._is_swallowed(geometry.coordinates + field):
+            self.let_go()
+            raise WorkError(
+                "the tool is inside of the body, between its nodes, expected cells of at most a "
+                "third of its radius"
+            )
         return TouchFrame(
             displacement=field.copy(),
             force=force,
@@ -175,6 +183,13 @@ class Touch(Frames[ToolContact, TouchFrame]):
             predictions=predictions,
             correction=correction,
         )
+
+    def _is_swallowed(self, x: Array) -> bool:
+        """Whether a sphere or a capsule begins inside of the body with nodes at x, (n_nodes, d)."""
+        tool = None if self._condition is None else self._condition.tool
+        if not isinstance(tool, Capsule):
+            return False
+        return surrounds(x, self._model.body.geometry.surface_facets, np.array(tool.begin))
 
     @checked_arguments
     def reaction(self, tool: Tool) -> Array:

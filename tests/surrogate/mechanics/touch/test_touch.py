@@ -193,6 +193,8 @@ def test_refusals(beam: surrogate.Surrogate) -> None:
         beam.solve(tool=DISC, held={"4,1": (0, 0)})
     with pytest.raises(WorkError, match="inside the tool, expected one that comes from outside"):
         beam.solve(tool=Sphere((2.0, 0.5), 0.3))  # no node of the surface is in it
+    with pytest.raises(WorkError, match="the tool is inside of the body, between its nodes"):
+        beam.solve("4,1:0,-3", tool=Sphere((3.0, -0.25), 0.15))
 
 
 def test_body_whose_case_has_pressures() -> None:
