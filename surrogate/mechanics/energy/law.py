@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 
 from shared_schema.materials import FibreInvariants, Invariants, Material
-from surrogate.mechanics.energy.recording import Recording, Value
+from surrogate.mechanics.energy.recording import Operation, Recording, Value
 from surrogate.mechanics.energy.tape import Tape, tape_of
 
 FIRST, SECOND, VOLUME, DILATION, FIBRES = range(5)  # numbers of I₁, I₂, J, θ, and of the first I₄
@@ -63,6 +63,11 @@ class Law:
     def families(self) -> int:
         """Number of the families of fibres."""
         return (self.count - FIBRES) // 2
+
+    @cached_property
+    def is_smooth(self) -> bool:
+        """Whether nothing begins or ends to bear, such as fibres that bear tension alone."""
+        return all(code != Operation.STEP for code, *_ in self.recording.rows)
 
     @property
     def at_rest(self) -> list[float]:

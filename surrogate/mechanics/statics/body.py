@@ -181,6 +181,8 @@ class Body(Remade):
         from surrogate.mechanics.descent import descend
 
         body = self.driven_body.under(load.following)
+        if not all(law.is_smooth for law in self.equilibrium.solid.laws):
+            last_term = math.inf  # a series does not see where fibres begin to bear
         return descend(body, load.dead, predicted, aim, last_term)
 
     @property

@@ -13,11 +13,14 @@ import pytest
 import surrogate
 from shared_schema.grid import Grid
 from shared_schema.materials import NeoHookean
+from surrogate.mechanics.body.elements_of_case import with_elements
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.certify.correction import correct
 from surrogate.mechanics.descent import Aim, Descent, DrivenBody, descend
 from surrogate.mechanics.descent.driven_body import longest
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
+from surrogate.mechanics.statics.body import Body
+from surrogate.mechanics.statics.load import Load
 from tests.surrogate.conftest import box_cells
 from tests.surrogate.mechanics.bodies import MATERIAL, TRIANGLES
 from tests.surrogate.mechanics.descent.test_carried_compliance import body_of
@@ -206,3 +209,20 @@ def test_nodes_that_do_not_tell_their_state(kind: str, node: int, push: float) -
     f = body.forces_at_points(force[None])
     assert body.inverted(body.at_points(u[None], f))[0] > 0
     assert (descent.reached, descent.stable) == (False, True)
+
+
+def test_no_last_term_tells_where_fibres_begin_to_bear() -> None:
+    """A series is none of a body whose fibres bear tension alone: its last term claims nothing."""
+    directed = [[0.8, 0.6], [0.8, -0.6]]
+    rubber = {"model": "holzapfel_gasser_ogden", "c10": 90, "k1": 200, "k2": 2, "kappa": 0.0}
+    rubber |= {"bulk_modulus": 833, "fibres": directed}
+    sheet = grid((2.0, 1.0), (6, 3))
+    sheet = replace(sheet, fibres=np.tile(directed, (len(sheet.cells), 1, 1)))
+    for compression, directions in ((True, 0), (False, 1)):
+        case = {"material": {**rubber, "compression": compression}, "element": "linear"}
+        body = Body(with_elements(sheet, case, "consistent"), case)
+        load = Load.of(body.geometry, "2,1:0,-1e-3")
+        predicted = body.correct(load, np.zeros_like(body.geometry.coordinates)).displacement
+        _, descent = body.descend(load, predicted, Aim(TOLERANCE), last_term=0.0)
+        assert descent.reached
+        assert descent.directions == directions
