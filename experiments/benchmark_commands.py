@@ -31,6 +31,7 @@ PROGRAMS = {  # in whose environment a benchmark is measured
     "identification": "surrogate",
     "large-bodies": "datagen",
     "manufactured": "datagen",
+    "materials": "surrogate",
     "measured-beam": "surrogate",
     "measured-swing": "surrogate",
     "motion": "surrogate",

@@ -11,7 +11,7 @@ import torch
 from experiments import benchmarks
 from experiments.__main__ import main
 from experiments.benchmark_commands import PROGRAMS, find_benchmark
-from experiments.benchmarks import benchmark, directions, training
+from experiments.benchmarks import benchmark, directions, materials, training
 from experiments.benchmarks.benchmark import stored_record
 from shared_schema import read_manifest
 from shared_schema.common import InputError, Parser
@@ -65,6 +65,24 @@ def test_directions_are_compared() -> None:
 
 
 LEARNERS = {name for name, of in PROGRAMS.items() if of == "surrogate"}
+
+
+def test_other_materials_are_compared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Yeoh's rubber in place of the 2D beam's, whose errors are then read; a name that is none."""
+    parser = Parser()
+    materials.arguments(parser)
+    words = ["--loads", "3", "--work", str(tmp_path), "--bodies"]
+    options = parser.parse_args([*words, "beam2d_any: yeoh"])
+    first = materials.measure(options)
+    (row,) = first["bodies"]
+    assert row["no_equilibrium"] == row["claimed_wrongly"] == 0
+    assert row["within"] == row["claimed"] == 1.0
+    assert row["largest"] <= materials.TOLERANCE
+    assert "beam2d_any: yeoh | " in materials.page(first)
+    monkeypatch.setattr(materials, "compared", None)
+    assert materials.measure(options) == first
+    with pytest.raises(InputError, match="--bodies 'beam2d_any: steel': expected"):
+        materials.measure(parser.parse_args([*words, "beam2d_any: steel"]))
 
 
 @pytest.mark.parametrize("name", sorted(LEARNERS))
