@@ -70,7 +70,8 @@ def _imported(gmsh: Any, path: Path) -> list[tuple[int, int]]:
     box = np.reshape(gmsh.model.getBoundingBox(-1, -1), (2, 3))
     size = np.ptp(box, axis=0).max()
     if np.abs(box[:, 2]).max() > FLAT * size:
-        occ.healShapes(shapes, SEWN * size, False, False, False, True, True)
+        # Shapes that are named are no longer sewn to each other from gmsh 4.13 on, all of them are.
+        occ.healShapes([], SEWN * size, False, False, False, True, True)
         occ.synchronize()
         bodies = gmsh.model.getEntities(3)
         if not bodies:

@@ -182,6 +182,9 @@ def test_a_file_here_of_a_shipped_name_is_mentioned_once(tmp_path: Path) -> None
 def test_mpirun_is_quiet_if_asked(tmp_path: Path) -> None:
     """`mpirun -q` leaves mpirun's own banner out, as the page on troubles says."""
     words = datagen("run", "no-such-case", "--out", tmp_path / "nodal", ranks=2)
+    version = subprocess.run([words[0], "--version"], capture_output=True, text=True, check=True)
+    if " 4." not in version.stdout:
+        pytest.skip("Open MPI 5 has no such option")
     loud = {key: value for key, value in ENVIRONMENT.items() if "execute_quiet" not in key}
     result = subprocess.run(
         [words[0], "-q", *words[1:]], env=loud, capture_output=True, text=True, check=False

@@ -41,7 +41,7 @@ def test_a_ball_in_a_cube(tmp_path: Path) -> None:
     whole = sum(volume(of_cells(mesh, name)) for name in ("tumour", "left", "rest"))
     assert whole == pytest.approx(volume(mesh), rel=1e-9)
     inside = mesh.coordinates[mesh.groups["tumour"]]
-    assert np.linalg.norm(inside, axis=1).max() < 0.5 + 0.25
+    assert np.linalg.norm(inside, axis=1).max() < 0.5 + 0.3  # edges are up to a fifth longer
     finer = organ(tmp_path, {"tumour": "zones/tumour.ply"}, refine=1)
     assert len(finer.cell_groups["tumour"]) == 8 * len(mesh.cell_groups["tumour"])
 
