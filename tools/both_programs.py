@@ -2,7 +2,9 @@
 
 It is run by the interpreter of `datagen`. Debian's dolfinx needs Debian's NumPy, so the packages of
 `surrogate` come last; but PyTorch needs a newer sympy than Debian's, which is therefore loaded
-first. In an environment that has dolfinx and PyTorch, such a script runs as it is.
+first. PyTorch follows, before PETSc: later, it would take functions of OpenBLAS for its own of the
+same names, and end in a segmentation fault (OpenBLAS 0.3.29, Debian 13). In an environment that has
+dolfinx and PyTorch, such a script runs as it is.
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ def main(script: str) -> None:
     importlib.import_module("sympy")
     sys.path.remove(packages)
     site.addsitedir(packages)
+    importlib.import_module("torch")
     runpy.run_path(script, run_name="__main__")
 
 

@@ -11,6 +11,7 @@ import tarfile
 import time
 import tomllib
 from collections.abc import Callable, Sequence
+from importlib import metadata
 from pathlib import Path
 
 import numpy as np
@@ -160,7 +161,7 @@ def test_what_is_done_is_not_done_again(setting: GpuSetting) -> None:
     assert record_of(setting.out, "c").findings.numbers == {"x": 3}
     described = record_of(setting.out, "a")
     assert described.finished
-    assert described.software["torch"] == torch.__version__
+    assert described.software["torch"] == metadata.version("torch")
     assert described.configuration == {"small": True}
 
 
