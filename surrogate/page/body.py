@@ -237,6 +237,15 @@ class Mechanics:
     band: int = 0
 
 
+def coarser(excess: float, dimension: int) -> float:
+    """How many times as large cells are of which a band has that many times fewer entries.
+
+    The unknowns are as many as the inverse volume of the cells, the width of the band as its
+    inverse area (in the plane length), so that its entries are as that power of their size.
+    """
+    return float(excess ** (1 / (2 * dimension - 1)))
+
+
 def drawn(geometry: Geometry) -> Arrays:
     """Mesh, surface and marks of the supports."""
     surface = surface_of(geometry)

@@ -32,7 +32,7 @@ from surrogate.learning.probabilistic.distribution import Moments
 from surrogate.learning.training.loop import train
 from surrogate.mechanics.actuation.actuation import Actuation
 from surrogate.mechanics.body.stiffness import modulus_at_rest
-from surrogate.page.body import BAND, below, drawn, is_alone, mechanics_of
+from surrogate.page.body import BAND, below, coarser, drawn, is_alone, mechanics_of
 from surrogate.page.bundle import read_bundle
 from surrogate.page.inlined import in_base64, inlined, packed
 from surrogate.page.page_actuators import actuator_data
@@ -124,8 +124,8 @@ def write_page(
     surrogate = surrogate.of_shape(parameters) if parameters else surrogate
     order, mechanics = series_order(surrogate), mechanics_of(surrogate)
     if mechanics.band and not fits(surrogate):
-        d = surrogate.geometry.dimension
-        larger = math.ceil(100 * (mechanics.band / BAND) ** (1 / (2 * d - 1)) + 1) / 100
+        factor = coarser(mechanics.band / BAND, surrogate.geometry.dimension)
+        larger = math.ceil(100 * factor + 1) / 100
         raise InputError(
             f"page: the body's stiffness takes a band of {mechanics.band} entries, expected {BAND} "
             "at most, or a deterministic reduced network, for a page; a mesh of cells "

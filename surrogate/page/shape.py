@@ -26,7 +26,7 @@ from shared_schema.common.files import require_writable
 from shared_schema.materials import locks, materials_of
 from surrogate.learning.training.loop import train
 from surrogate.mechanics.statics.body import Body
-from surrogate.page.body import BAND, band_entries, free_unknowns
+from surrogate.page.body import BAND, band_entries, coarser, free_unknowns
 from surrogate.page.factory import run_datagen
 from surrogate.page.page import write_page
 from surrogate.page.page_loads import largest_force
@@ -198,17 +198,13 @@ def is_locking(case: Mapping[str, Any]) -> bool:
 
 
 def page_limit(body: Body, scale: float, size: float | None) -> str | None:
-    """What keeps a body from a page, and of which size cells are large enough; None if nothing.
-
-    The unknowns are as many as the inverse volume of the cells, the width of the band as its
-    inverse area, so that its entries are as the inverse fifth power of their size.
-    """
+    """What keeps a body from a page, and of which size cells are large enough; None if nothing."""
     entries = band_entries(body.equilibrium, free_unknowns(body.equilibrium))
     if entries <= BAND:
         return None
     x, cells = body.geometry.coordinates, body.geometry.cells
     edge = float(np.linalg.norm(x[cells[:, 0]] - x[cells[:, 1]], axis=1).mean()) / scale
-    wanted = (size or edge) * (MARGIN * entries / BAND) ** (1 / 5)
+    wanted = (size or edge) * coarser(MARGIN * entries / BAND, 3)
     digit = 10 ** (math.floor(math.log10(wanted)) - 1)
     return (
         f"the stiffness takes a band of {entries} entries, {BAND} at most for a page; expected "

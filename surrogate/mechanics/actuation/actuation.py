@@ -34,7 +34,11 @@ from surrogate.mechanics.actuation.reduced_body import (
     sampled_cells,
 )
 from surrogate.mechanics.actuation.response_surface import ResponseSurface
-from surrogate.mechanics.actuation.sampled_states import actuators_of, sampled_states
+from surrogate.mechanics.actuation.sampled_states import (
+    actuators_of,
+    sampled_states,
+    with_amplitudes,
+)
 from surrogate.mechanics.actuation.targets import Search, Values, targets_of
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.certify.full_certificate import Certificate
@@ -213,7 +217,7 @@ class Actuation:
             Where the modes are kept; by default ``actuation.safetensors`` in the folder.
         """
         path = file or Path(folder) / KEPT
-        if path.is_file() and (samples or 0) <= cls._asked(path):
+        if path.is_file() and (samples is None or samples <= cls._asked(path)):
             return cls.read(path, body)
         require_writable(path)
         count = samples or SAMPLES
@@ -376,11 +380,8 @@ class Actuation:
 
     def certify(self, found: ActuatedState, load: str | Sequence[str] = ()) -> Certificate:
         """Estimate the error of a state under its tensions and pressures, as `Body.certify`."""
-        whole, geometry = Load.of(self.body.geometry, load), self.body.geometry
-        assert whole.following is not None
-        amplitudes = np.zeros((1, len(whole.following.units)))
-        amplitudes[0, len(geometry.surfaces) :] = list(found.amplitudes.values())
-        acting = Load(whole.dead, replace(whole.following, amplitudes=amplitudes))
+        geometry, amplitudes = self.body.geometry, np.array(list(found.amplitudes.values()))
+        acting = with_amplitudes(geometry, Load.of(geometry, load), amplitudes)
         return self.body.certify(acting, found.displacement)
 
     def limits(self, within: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:

@@ -15,6 +15,7 @@ from shared_schema.common.errors import InputError, WorkError
 from shared_schema.common.progress import Progress
 from surrogate.mechanics.actuation.actuated_body import ActuatedBody
 from surrogate.mechanics.actuation.bordered import Balanced, balanced
+from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.descent.aim import Aim
 from surrogate.mechanics.statics.body import Body
 from surrogate.mechanics.statics.load import Load
@@ -47,10 +48,8 @@ def sampled_states(
     """
     if samples < 2:
         raise InputError(f"samples {samples}: expected 2 at least", "samples")
-    actuators, series = actuators_of(body), Series(body)
-    load = Load.of(body.geometry)
-    following, first = load.following, len(body.geometry.surfaces)
-    assert following is not None
+    actuators_of(body)  # refuses a body without any
+    series, load = Series(body), Load.of(body.geometry)
     given = [Load.of(body.geometry, [text]).dead for text in loads]
     dead = np.array(given).reshape(len(given), *load.dead.shape)
     low, high = amplitude_limits(body)
@@ -62,9 +61,8 @@ def sampled_states(
     title = "surrogate: equilibria under actuators"
     with closing(Progress(samples, 0, "states", title, passing=True)) as progress:
         for row, (values, force) in enumerate(zip(amplitudes, forces, strict=True)):
-            whole = np.zeros((1, len(following.units)))
-            whole[0, first : first + len(actuators)] = values
-            state = _equilibrium(series, Load(force, replace(following, amplitudes=whole)))
+            acting = with_amplitudes(body.geometry, replace(load, dead=force), values)
+            state = _equilibrium(series, acting)
             if state is not None:
                 states.append(state)
                 kept.append(row)
@@ -72,6 +70,13 @@ def sampled_states(
     if len(states) < max(2, samples // 2):
         raise WorkError(f"{len(states)} of {samples} equilibria under the actuators were found")
     return np.array(states), amplitudes[kept]
+
+
+def with_amplitudes(geometry: Geometry, load: Load, amplitudes: Array) -> Load:
+    """A load under amplitudes of the actuators, (n_actuators,), but no pressures of surfaces."""
+    assert load.following is not None  # of a body with actuators
+    whole = np.concatenate([np.zeros(len(geometry.surfaces)), amplitudes])
+    return replace(load, following=replace(load.following, amplitudes=whole[None]))
 
 
 def actuators_of(body: Body) -> PlacedActuators:

@@ -160,7 +160,8 @@ class Touch(Frames[ToolContact, TouchFrame]):
         assert self._condition is not None
         geometry, field = self._model.body.geometry, self._shown.field
         force = self._body.load(self._shown.force[None])[0]
-        gap = self._condition.tool.gap(geometry.coordinates + field)
+        tool, x = self._condition.tool, geometry.coordinates + field
+        gap = tool.gap(x)
         depth = max(0.0, -float(gap.min()))
         if depth > INSIDE * float(np.ptp(geometry.coordinates, axis=0).max()):
             self.let_go()
@@ -169,7 +170,7 @@ class Touch(Frames[ToolContact, TouchFrame]):
                 "comes from outside of the body"
             )
         near = gap.min() < self._model.body.equilibrium.cell_size
-        if near and not force.any() and self._is_swallowed(geometry.coordinates + field):
+        if near and not force.any() and self._is_swallowed(tool, x):
             self.let_go()
             raise WorkError(
                 "the tool is inside of the body, between its nodes, expected cells of at most a "
@@ -184,9 +185,8 @@ class Touch(Frames[ToolContact, TouchFrame]):
             correction=correction,
         )
 
-    def _is_swallowed(self, x: Array) -> bool:
+    def _is_swallowed(self, tool: Tool, x: Array) -> bool:
         """Whether a sphere or a capsule begins inside of the body with nodes at x, (n_nodes, d)."""
-        tool = None if self._condition is None else self._condition.tool
         if not isinstance(tool, Capsule):
             return False
         return surrounds(x, self._model.body.geometry.surface_facets, np.array(tool.begin))
