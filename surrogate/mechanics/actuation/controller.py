@@ -209,8 +209,8 @@ class Controller:
         stays = bool((np.abs(step) <= SETTLED * unit).all())
         beyond = far and (stays or self._is_beyond(slopes, left))
         self._values = np.clip(self._values + step, low, high)
-        moved = self._last.state + change @ by_parameters + step @ by_given
-        self._next = self._last._replace(state=moved)
+        moved = change @ by_parameters + step @ by_given
+        self._next = self._body.ahead(self._values, self._parameters, self._last, moved)
         said = "the target is out of reach of the actuators" if beyond else ""
         return replace(frame, given=self.given, warning=said)
 

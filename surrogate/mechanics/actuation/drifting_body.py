@@ -102,6 +102,16 @@ class DriftingBody:
         by_stiffness = (self._scales * values) @ by_given + _factors(parameters) @ by_force
         return state, by_given, np.concatenate([-by_stiffness[None], by_force[1:]])
 
+    def ahead(self, values: Array, parameters: Array, last: Balanced, change: Array) -> Balanced:
+        """Nearly the equilibrium, from the last one and its change if the body were linear.
+
+        Polynomials of the amplitudes tell what that change misses.
+        """
+        if not self._scales.all():
+            return last._replace(state=last.state + change)
+        after = np.exp(-parameters[0]) * values
+        return Balanced(last.state + change + self._of.nearby.curved(last.amplitudes, after), after)
+
     def _under(self, values: Array, parameters: Array) -> tuple[ActuatedModes, tuple[Control, ...]]:
         """What does to the model what acts on the body."""
         softer = float(np.exp(-parameters[0]))

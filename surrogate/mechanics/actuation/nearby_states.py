@@ -88,6 +88,12 @@ class NearbyStates:
         """Their derivatives by the amplitudes, (n_actuators, n_modes)."""
         return self.states.slopes(self._inside(amplitudes)) / _largest(self.box)[:, None]
 
+    def curved(self, before: Array, after: Array) -> Array:
+        """What slopes at some amplitudes miss of the change of the state to others, (n_modes,)."""
+        start, end = self._inside(before), self._inside(after)
+        along = (end - start) @ self.states.slopes(start)
+        return self.states.at(end) - self.states.at(start) - along
+
     def tangent(self, amplitudes: Array) -> Array:
         """The tangent of the internal forces, (n_modes, n_modes) in J."""
         size = self.states.coefficients.shape[1]

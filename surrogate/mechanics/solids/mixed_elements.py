@@ -81,8 +81,8 @@ class MeanDilationSolid(Solid):
     ) -> Tensor:
         """Tangent of cells from its parts, as that of `Solid`."""
         of_volume = by_pressure / self.volumes.sum(1)[:, None, None]
-        product = by_dilation @ of_volume.mT
-        return first + product + product.mT + square * of_volume @ of_volume.mT
+        half = (by_dilation + square / 2 * of_volume) @ of_volume.mT
+        return first + half + half.mT
 
 
 DENSE = 1000  # functions up to which M⁻¹ is a matrix

@@ -124,6 +124,17 @@ def test_slopes_after_a_large_step_are_those_of_the_equilibrium(
     assert missed() > 0.02
 
 
+def test_a_state_ahead_turns_with_the_body(plant: Plant) -> None:
+    """What a straight line misses of the state after a large step, polynomials know."""
+    body, parameters = DriftingBody(plant.model, []), np.array([-0.2])
+    before, after = np.array([1.0, 1.0]), np.array([8.0, 2.0])
+    last, expected = (body.at(values, parameters) for values in (before, after))
+    change = (after - before) @ body.followed(before, parameters, last)[1]
+    ahead = body.ahead(after, parameters, last, change)
+    far = np.linalg.norm(last.state + change - expected.state)
+    assert np.linalg.norm(ahead.state - expected.state) < 0.1 * far
+
+
 def test_a_payload_that_nobody_told_is_held(plant: Plant) -> None:
     """The tip comes back to its target; a load that may act there is told from the markers."""
     target = plant.goal({"along": 9.0, "anchored": 5.0})
