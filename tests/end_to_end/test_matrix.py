@@ -14,6 +14,8 @@ import torch
 from numpy.typing import NDArray
 
 import surrogate
+from surrogate.learning.inference import export as written
+from surrogate.learning.inference.export import load_exported
 from surrogate.mechanics.statics.load import given_load
 from tests.end_to_end.commands import DATAGEN, ROOT, SURROGATE, execute
 from tests.end_to_end.matrix import (
@@ -178,12 +180,19 @@ def page(body: Body) -> None:
 
 
 def export(body: Body) -> None:
-    """The exported program predicts as the run does."""
-    out = body.folder / "network.pt2"
-    surrogate.export(body.run, out, format="pt2")
+    """The exported program predicts as the run does: as it is read to be checked, which is slow."""
+    read: list[Any] = []
+
+    def once(path: Path) -> Any:
+        read.append(load_exported(path))
+        return read[0]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(written, "load_exported", once)
+        surrogate.export(body.run, body.folder / "network.pt2", format="pt2")
     force, _ = body.forces
     nodal = torch.from_numpy(force[None, : len(body.model.geometry.coordinates)]).float()
-    found = torch.export.load(out).module()(nodal)["displacement"][0].numpy()
+    found = read[0](nodal)["displacement"][0].numpy()
     assert body.error(found) < 1e-2
 
 

@@ -212,6 +212,28 @@ def super_lu(matrix: csc_array, negative: int) -> Solver | None:
     return None if is_other else lu
 
 
+def general_lu(matrix: csc_array, places: NDArray[np.int64]) -> SparseFactor | None:
+    """Factors by SuperLU of a matrix that is not symmetric; None if it is singular.
+
+    Without exchanges of rows, as those of a symmetric one, which take less; with them where these
+    are not accurate.
+
+    Parameters
+    ----------
+    matrix : csc_array
+    places : array of int, (n,)
+        Rows of the displacements.
+    """
+    for options in (IN_PLACE, {}):
+        try:
+            factor = SparseFactor(splu(matrix, **options), matrix, places)
+        except RuntimeError:  # singular
+            continue
+        if not options or factor.is_accurate():
+            return factor
+    return None
+
+
 class Pardiso:
     """A factor by PARDISO, of the Math Kernel Library: L Lᵀ, or L D Lᵀ with pivots.
 

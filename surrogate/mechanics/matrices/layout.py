@@ -8,7 +8,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_array
-from scipy.sparse.linalg import splu
 from torch import Tensor
 
 from surrogate.mechanics.matrices.factors import (
@@ -21,6 +20,7 @@ from surrogate.mechanics.matrices.factors import (
     SymmetricFactor,
     band_order,
     dofs_of_least_degree,
+    general_lu,
     has_pardiso,
     super_lu,
     tell_of_pardiso,
@@ -29,6 +29,7 @@ from surrogate.mechanics.matrices.factors import (
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 MOST = 2**27  # entries of a band: 1 GB
+ROUNDING = 1e-13  # of the largest entry
 LARGE = 20_000  # unknowns, from which on SuperLU takes many seconds
 
 
@@ -159,23 +160,22 @@ class Layout:
     ) -> tuple[Factor | None, bool]:
         """Factorise a tangent with those of following loads; say if its symmetric part is definite.
 
-        None if it is singular.
+        Where these loads have a potential, the tangent is symmetric. None if it is singular.
         """
         for points, blocks in parts:
             tangent = self.with_blocks(tangent, points, blocks)
         column, row = np.divmod(self._entries, self._size)
         mirrored = np.searchsorted(self._entries, row * self._size + column)
-        stable = self.factor((tangent + tangent[mirrored]) / 2) is not None
+        symmetric = (tangent + tangent[mirrored]) / 2
+        factor = self.factor(symmetric)
+        stable, skew = factor is not None, np.abs(tangent - symmetric).max(initial=0)
+        if stable and skew <= ROUNDING * np.abs(tangent).max(initial=0):
+            return factor, stable
         if (b := self.width) is not None:
             band = np.zeros((self._size, 3 * b + 1))
             band[column, 2 * b + row - column] = tangent
             return BandLU.of(band), stable
-        matrix = self.matrix(tangent)
-        try:
-            lu = splu(matrix)
-        except RuntimeError:
-            return None, stable
-        return SparseFactor(lu, matrix, self._rows_of_displacements), stable
+        return general_lu(self.matrix(tangent), self._rows_of_displacements), stable
 
     def diagonal(self, tangent: Array) -> Array:
         """Diagonal at `dofs`."""

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 from numpy.typing import NDArray
+from scipy.sparse import csc_array
 
 from shared_schema.materials import NeoHookean
 from surrogate.mechanics.body.elements_of_case import with_elements
@@ -16,6 +17,7 @@ from surrogate.mechanics.descent.carried_compliance import CarriedCompliance
 from surrogate.mechanics.equilibrium.compliance import Compliance
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from surrogate.mechanics.matrices import layout
+from surrogate.mechanics.matrices.factors import SparseFactor, general_lu
 from surrogate.mechanics.statics.body import Body
 from tests.surrogate.mechanics.bodies import box, end_load
 
@@ -83,6 +85,41 @@ def test_a_body_with_pressures_of_its_own(sparse: str) -> None:
     assert places.factor(k) is not None
     softer = places.on_springs(k, -0.9 * places.diagonal(k))
     assert places.factor(softer) is None
+
+
+def test_loads_with_a_potential_need_one_factor(
+    sparse: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A symmetric tangent keeps its factor; another one has one of its own, here of the same K."""
+    body, random = Equilibrium(box("tetra"), MATERIAL), np.random.default_rng(0)
+    places, f = body.layout, forces(1)[0].ravel()
+    tangent = places.assembled(body.solid.stiffness_at_rest())[0]
+    points = body.geometry.cells[-2:]
+    blocks = 1e-4 * np.abs(tangent).max() * random.normal(size=(2, 12, 12))
+    general: list[csc_array] = []
+
+    def counted(matrix: csc_array, rows: NDArray[np.int64]) -> SparseFactor | None:
+        general.append(matrix)
+        return general_lu(matrix, rows)
+
+    monkeypatch.setattr(layout, "general_lu", counted)
+    for part, count in ((blocks + blocks.transpose(0, 2, 1), 0), (blocks, 1)):
+        factor, stable = places.under_following(tangent, [(points, part)])
+        k = places.matrix(places.with_blocks(tangent, points, part)).toarray()
+        assert factor is not None
+        assert stable
+        assert len(general) == count
+        right = f[places.dofs]
+        np.testing.assert_allclose(k @ factor.solve(right), right, atol=1e-10 * np.abs(f).max())
+
+
+def test_rows_are_exchanged_where_pivots_are_small() -> None:
+    """A matrix whose first pivot is small has an accurate factor, a singular one has none."""
+    matrix = np.array([[1e-14, 1.0, 0.0], [2.0, 1.0, 3.0], [0.0, 3.0, 1.0]])
+    factor = general_lu(csc_array(matrix), np.arange(3))
+    assert factor is not None
+    assert factor.is_accurate()
+    assert general_lu(csc_array(np.ones((3, 3))), np.arange(3)) is None
 
 
 def test_single_precision_is_that_of_the_forces(sparse: str) -> None:
