@@ -208,10 +208,10 @@ def other(script: str, problem: Problem, loads: int | None) -> tuple[Array, Arra
         arrays["pressed"] = geometry.pressed
         arrays["pressure"] = problem.loads.following.amplitudes[:loads, 0]
     np.savez(given, **arrays)
-    words = [str(python), str(OTHERS / f"{script}.py"), str(given), str(found)]
-    with TemporaryDirectory() as compiled:
-        alone = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "XDG_CACHE_HOME": compiled}
-        subprocess.run(words, check=True, env=alone)
+    words = [path.absolute() for path in (python, OTHERS / f"{script}.py", given, found)]
+    with TemporaryDirectory() as left:  # compiled code and logs
+        alone = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "XDG_CACHE_HOME": left}
+        subprocess.run(words, check=True, env=alone, cwd=left)
     with np.load(found) as solution:
         return solution["displacement"], solution["seconds"]
 

@@ -63,7 +63,7 @@ NO_RANGE = (
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Bounds:
     """Estimated error of one prediction, and bounds that each hold with some probability.
 
@@ -97,6 +97,10 @@ class Bounds:
     def certified(self, tolerance: float) -> NDArray[np.bool_]:
         """True where the bound `largest` is at most `tolerance` in m."""
         return np.asarray(self.largest <= tolerance) & np.isfinite(self.largest)
+
+    def __repr__(self) -> str:
+        """Describe the error."""
+        return f"Bounds({self.summary()})"
 
     def summary(self) -> str:
         """Describe the bounds in a line."""

@@ -42,7 +42,7 @@ NEGLIGIBLE = 1e-9  # of the displacement: steps of this size may be rounding err
 ROUNDS = 20
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Certificate:
     """Estimated errors of one prediction, or of N (then every array has N as its first axis).
 
@@ -83,6 +83,10 @@ class Certificate:
     def certified(self, tolerance: float) -> NDArray[np.bool_]:
         """True where `max_error` is at most `tolerance` in m, and `settled`."""
         return np.asarray((self.max_error <= tolerance) & self.settled)
+
+    def __repr__(self) -> str:
+        """Describe the error."""
+        return f"Certificate({self.summary()})"
 
     def summary(self) -> str:
         """Describe the estimated error in a line; of several predictions, means and largest."""

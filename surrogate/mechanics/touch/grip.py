@@ -35,6 +35,7 @@ from shared_schema.common.arguments import (
 )
 from shared_schema.common.bodies.command_loads import CommandLoads
 from shared_schema.common.errors import InputError, WorkError
+from shared_schema.common.units import SI, Units
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.certify.correction import Correction, stable_state
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
@@ -51,7 +52,7 @@ START = "last state of the grips"
 SMALL = 1e-6  # of an edge of a cell: displacement whose difference is taken
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class GripFrame:
     """A body that is held.
 
@@ -68,6 +69,8 @@ class GripFrame:
         Number of predictions that it took.
     correction : Correction or None
         How the finite elements' equilibrium was found, if it is that (`Grip.correct`).
+    units : Units
+        Labels of the units of the case.
     """
 
     displacement: Array
@@ -75,6 +78,14 @@ class GripFrame:
     reactions: Array
     predictions: int
     correction: Correction | None = None
+    units: Units = SI
+
+    def __repr__(self) -> str:
+        """Say what holds the body, and how far it moves."""
+        each = (", ".join(f"{part:.4g}" for part in reaction) for reaction in self.reactions)
+        held = "; ".join(f"held by ({parts}) {self.units.force}" for parts in each)
+        largest = np.linalg.norm(self.displacement, axis=1).max()
+        return f"GripFrame({held}; largest displacement {self.units.written(largest)})"
 
 
 class Grip(Frames[HeldComponents, GripFrame]):
@@ -199,7 +210,8 @@ class Grip(Frames[HeldComponents, GripFrame]):
         """Describe what is shown."""
         field, force = self._shown.field, self._body.load(self._shown.force[None])[0]
         reactions = np.einsum("nd,pnd->pd", force[: len(field)], self.components)
-        return GripFrame(field.copy(), force, reactions, predictions, correction)
+        units = self._model.body.geometry.units
+        return GripFrame(field.copy(), force, reactions, predictions, correction, units)
 
     @cached_property
     def _supported(self) -> Equilibrium:

@@ -24,7 +24,8 @@ from shared_schema.common.arguments import checked_arguments, read_only
 from shared_schema.common.bodies.equilibrium import RELATIVE, ForceTolerance
 from shared_schema.common.bodies.passing_walls import surrounds
 from shared_schema.common.errors import WorkError
-from shared_schema.tools import Capsule, Contact, Tool, require_outside
+from shared_schema.common.units import SI, Units
+from shared_schema.tools import Capsule, Contact, Tool, contact_line, require_outside
 from surrogate.mechanics.certify.correction import Correction, stable_state
 from surrogate.mechanics.equilibrium.tool_springs import ToolSprings
 from surrogate.mechanics.statics.prediction import Predictor
@@ -44,7 +45,7 @@ FIRST, TIGHTER = 1e-6, 1e-2  # residual over the forces in the first round, and 
 START = "contact with the tool"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class TouchFrame(Contact):
     """A body that is pushed by a tool: its forces, without the load beside them, and more.
 
@@ -58,12 +59,21 @@ class TouchFrame(Contact):
         Number of predictions that it took.
     correction : Correction or None
         How the finite elements' equilibrium was found, if it is that (`Touch.correct`).
+    units : Units
+        Labels of the units of the case.
     """
 
     displacement: Array
     apart: float
     predictions: int
     correction: Correction | None = None
+    units: Units = SI
+
+    def __repr__(self) -> str:
+        """Say what the tool does, and how far the body moves."""
+        largest = np.linalg.norm(self.displacement, axis=1).max()
+        said = contact_line(self, self.units), f"largest displacement {self.units.written(largest)}"
+        return f"TouchFrame({', '.join(said)})"
 
 
 class Touch(Frames[ToolContact, TouchFrame]):
@@ -183,6 +193,7 @@ class Touch(Frames[ToolContact, TouchFrame]):
             apart=float(np.abs(gap[force.any(axis=1)]).max(initial=0.0)),
             predictions=predictions,
             correction=correction,
+            units=geometry.units,
         )
 
     def _is_swallowed(self, tool: Tool, x: Array) -> bool:

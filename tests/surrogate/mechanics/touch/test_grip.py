@@ -53,6 +53,8 @@ def test_frames_begin_where_the_last_one_has_ended(beam: surrogate.Surrogate) ->
     np.testing.assert_allclose(frames[-1].reactions, alone.reactions, rtol=1e-3)
     assert max(frame.predictions for frame in frames[2:]) <= 6
     assert not frames[0].displacement.any()
+    held = ", ".join(f"{part:.4g}" for part in alone.reactions[0])
+    assert str(alone).startswith(f"GripFrame(held by ({held}) N; largest displacement 6")
 
 
 def test_free_components_bear_no_force(beam: surrogate.Surrogate) -> None:
