@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, TypeAlias
+from typing import Any, NoReturn, TypeAlias
 
 from shared_schema.common.errors import (
     DONE,
@@ -25,6 +25,7 @@ from shared_schema.common.errors import (
     StoppedError,
     WorkError,
     first_line,
+    nearest,
 )
 from shared_schema.common.progress import shown_progress
 
@@ -33,6 +34,7 @@ COMPLETE = {  # function that completes names and paths: its name, the names
     "bash": '{0}() {{ compgen -W "{1}" -- "$1"; compgen -f -- "$1"; }}',
     "zsh": "{0}() {{ compadd -- {1}; _files }}",
 }
+UNKNOWN = re.compile(r"(?:unrecognized arguments: |COMMAND: invalid choice: ')(-*[\w-]+)")
 NEGATIVE = re.compile(r"-\.?\d")  # beginning of numbers and lists of numbers
 Parser: TypeAlias = argparse.ArgumentParser
 Commands: TypeAlias = (
@@ -55,7 +57,7 @@ def make_parser(
         Functions that list names which an argument takes beside paths, by the argument's name in
         the parsed options; for completion in a shell.
     """
-    parser = argparse.ArgumentParser(
+    parser: Parser = _Program(
         prog=program,
         description=description,
         epilog="Exit codes: 0 done, 1 the work failed, 2 the input is wrong, 3 not certified.",
@@ -69,6 +71,18 @@ def make_parser(
         help="print the script that completes commands and names in a shell",
     )
     return parser, parser.add_subparsers(required=True, metavar="COMMAND")
+
+
+class _Program(argparse.ArgumentParser):
+    """A parser that asks for the option or command that is nearly the unknown one."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print how the program is used, and what is wrong; exit 2."""
+        if found := UNKNOWN.search(message):
+            commands = _commands_of(self)
+            options = (of._option_string_actions for of in (self, *commands.values()))
+            message += nearest(found[1], [*commands, *(name for each in options for name in each)])
+        super().error(message)
 
 
 class _PrintCompletion(argparse.Action):
@@ -86,7 +100,7 @@ class _PrintCompletion(argparse.Action):
         lines = []
         for name, listed in self.names.items():
             lines.append(COMPLETE[values].format(f"_{parser.prog}_{name}", " ".join(listed())))
-        for command in _commands_of(parser):
+        for command in _commands_of(parser).values():
             for action in command._actions:
                 if action.dest in self.names:
                     action.complete = {values: f"_{parser.prog}_{action.dest}"}  # type: ignore[attr-defined]
@@ -96,12 +110,12 @@ class _PrintCompletion(argparse.Action):
         parser.exit()
 
 
-def _commands_of(parser: Parser) -> Iterable[Parser]:
-    """Return the parsers of all commands of a program."""
+def _commands_of(parser: Parser) -> Mapping[str, Parser]:
+    """Return the parsers of all commands of a program, by their names."""
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
-            return action.choices.values()
-    return ()
+            return action.choices
+    return {}
 
 
 def add_command(commands: Commands, name: str, what: str, *examples: str) -> Parser:

@@ -19,7 +19,7 @@ from typing import Any, TypeVar, get_origin
 import yaml
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError, model_validator
 
-from shared_schema.common.errors import InputError
+from shared_schema.common.errors import InputError, nearest
 
 logger = logging.getLogger(__name__)
 LARGEST_FILE = 1 << 20  # bytes of a YAML file
@@ -113,8 +113,11 @@ def read_named(name: str, shipped: Path, what: str) -> tuple[dict[str, Any], str
     if not path.is_file():
         path = own
     if not path.is_file():
-        names = ", ".join(sorted(p.stem for p in shipped.glob("*.yaml")))
-        raise InputError(f"{what} '{name}': no such file, and not one of those shipped ({names})")
+        names = sorted(p.stem for p in shipped.glob("*.yaml"))
+        raise InputError(
+            f"{what} '{name}': no such file, and not one of those shipped "
+            f"({', '.join(names)}){nearest(name, names)}"
+        )
     return read_yaml(path), str(path)
 
 

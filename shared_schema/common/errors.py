@@ -13,12 +13,21 @@ code    meaning
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from difflib import get_close_matches
+
 DONE, FAILED, WRONG_INPUT, NOT_CERTIFIED = 0, 1, 2, 3
 
 
 def first_line(error: BaseException) -> str:
     """First line of an error's text, or its name if it has none."""
     return (str(error).splitlines() or [type(error).__name__])[0]
+
+
+def nearest(name: str, names: Iterable[str]) -> str:
+    """Ask for the name among some that is nearly the same; empty if there is none."""
+    close = get_close_matches(name, list(names), 1)
+    return f"; did you mean '{close[0]}'?" if close else ""
 
 
 class InputError(Exception):

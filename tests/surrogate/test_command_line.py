@@ -330,6 +330,24 @@ def test_refusals(
         assert_refused(arguments, part, out, capsys)
 
 
+@pytest.mark.parametrize(
+    ("words", "meant"),
+    [
+        ("predct beam2d_any", "predict"),
+        ("predict beam2d_any --laod 4,1:0,-1 --out u.npz", "--load"),
+        ("predict beam2d_an --load 4,1:0,-1 --out u.npz", "beam2d_any"),
+        ("train det-fats --data data --out run", "det-fast"),
+    ],
+)
+def test_nearly_right_words(words: str, meant: str, capsys: pytest.CaptureFixture[str]) -> None:
+    try:
+        code = main(words.split())
+    except SystemExit as ended:
+        code = int(str(ended.code))
+    assert code == 2
+    assert capsys.readouterr().err.endswith(f"; did you mean '{meant}'?\n")
+
+
 @pytest.mark.parametrize("arguments", [[], ["fly"], ["train"], ["predict", "run"]])
 def test_wrong_usage(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as stop:

@@ -22,7 +22,7 @@ from pydantic import TypeAdapter
 from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.configuration import changed, names_in, read_yaml, source_of
 from shared_schema.common.configuration_keys import Key, Schema, joined, json_schema, keys_of
-from shared_schema.common.errors import InputError
+from shared_schema.common.errors import InputError, nearest
 from shared_schema.manifest import read_manifest
 from surrogate.learning.models.kinds import kinds, run_config, union
 from surrogate.learning.models.model import Model
@@ -122,9 +122,10 @@ def split_name(name: str) -> tuple[str, str]:
         case, recipe = "-".join(parts[:count]), "-".join(parts[count:])
         if "/" not in case and file_of(recipe, case).is_file():
             return case, recipe
+    shipped = names_in(SHIPPED)
     raise InputError(
-        f"config '{name}': no such file, and not one of those shipped "
-        f"({', '.join(names_in(SHIPPED))}) or one of them for a case, such as beam2d-det-fast"
+        f"config '{name}': no such file, and not one of those shipped ({', '.join(shipped)}) or "
+        f"one of them for a case, such as beam2d-det-fast{nearest(name, shipped)}"
     )
 
 

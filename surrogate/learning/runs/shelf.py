@@ -19,7 +19,7 @@ import torch
 from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.command_line import laid_out
 from shared_schema.common.configuration import shipped_files
-from shared_schema.common.errors import InputError
+from shared_schema.common.errors import InputError, nearest
 from shared_schema.common.files import require_writable
 from surrogate.learning.models.kinds import run_config
 from surrogate.learning.runs.config_reader import SHIPPED, named
@@ -63,7 +63,7 @@ def find_run(run: str | Path) -> Path:
         return SHELF / str(run)
     raise InputError(
         f"{run}: no run there, expected a folder with config.yaml, or a network of the package "
-        f"({', '.join(names)})"
+        f"({', '.join(names)}){nearest(str(run), names)}"
     )
 
 
