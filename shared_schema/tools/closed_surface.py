@@ -175,8 +175,17 @@ class Mesh(Tool):
     @property
     def size(self) -> float:
         """Largest coordinate of its corners."""
-        corners = self._surface.corners @ self._axes.T + self._origin
-        return float(np.abs(corners).max()) + self.rounding
+        return float(np.abs(self._corners).max()) + self.rounding
+
+    @property
+    def inside(self) -> Array:
+        """Mean of its corners."""
+        return np.asarray(self._corners.mean(axis=0))
+
+    @property
+    def _corners(self) -> Array:
+        """Where they are in m, (n, 3)."""
+        return np.asarray(self._surface.corners @ self._axes.T + self._origin)
 
     def gap(self, x: Array) -> Array:
         """Signed distance."""

@@ -55,6 +55,11 @@ class Tool(ABC):
     def size(self) -> float:
         """Largest coordinate or length that describes it, in m."""
 
+    @property
+    def inside(self) -> Array | None:
+        """A point of it in m, (d,), that a body can have inside; None of one without an end."""
+        return None
+
 
 def require_points(kind: str, *points: tuple[float, ...]) -> None:
     """Raise InputError unless all points have two or three finite components, as many each."""
@@ -179,6 +184,11 @@ class Capsule(Tool):
         """Largest coordinate of its ends, or its radius."""
         return max(float(np.abs((self.begin, self.end)).max()), self.radius)
 
+    @property
+    def inside(self) -> Array:
+        """Its first end, of a sphere the middle."""
+        return np.array(self.begin)
+
     def gap(self, x: Array) -> Array:
         """Signed distance."""
         return np.asarray(np.linalg.norm(self._offset(x)[0], axis=1) - self.radius)
@@ -267,6 +277,12 @@ class Displaced(Tool):
     def size(self) -> float:
         """Largest coordinate or length that describes it, in m."""
         return self.tool.size + float(np.abs(self.by).max())
+
+    @property
+    def inside(self) -> Array | None:
+        """That of the other tool, moved."""
+        point = self.tool.inside
+        return None if point is None else point + self.by
 
     def gap(self, x: Array) -> Array:
         """Signed distance in m of positions: (n, d) → (n,)."""

@@ -192,7 +192,7 @@ CALLS: dict[str, Callable[[World, Given], Any]] = {
         w.folder, stiffness(g), "0" * 64, "quad"
     ),
     "read_stiffness": lambda w, g: shared_schema.read_stiffness(w.folder),
-    **{f"Tool.{name}": told(name) for name in (*GAPS, "dimension", "size")},
+    **{f"Tool.{name}": told(name) for name in (*GAPS, "dimension", "size", "inside")},
     "Mesh.moved": lambda w, g: w.mesh.moved((0.1, 0.0, 0.0)).gap(g["points"]),
     "Contact.nodes": lambda w, g: tools.Contact(g["force"], 0.0).nodes,
     "Contact.reaction": lambda w, g: tools.Contact(g["force"], 0.0).reaction,
@@ -217,7 +217,9 @@ def test_every_public_name_is_called() -> None:
     forms = {
         kind.__name__ for kind in kinds if isinstance(kind, type) and issubclass(kind, tools.Tool)
     }
-    of_forms = {f"{form}.{name}" for form in forms for name in (*GAPS, "dimension", "size")}
+    of_forms = {
+        f"{form}.{name}" for form in forms for name in (*GAPS, "dimension", "size", "inside")
+    }
     functions = public_functions(shared_schema) | public_functions(tools)
     assert public | functions == set(CALLS) | of_forms
 

@@ -11,7 +11,16 @@ from scipy.spatial.transform import Rotation
 
 from shared_schema.common.errors import InputError
 from shared_schema.common.units import SI
-from shared_schema.tools import Contact, Mesh, Sphere, contact_line, parse_tool
+from shared_schema.tools import (
+    Capsule,
+    Contact,
+    Displaced,
+    Mesh,
+    Plane,
+    Sphere,
+    contact_line,
+    parse_tool,
+)
 from tests.closed_surfaces import CUBE, FACES, ball, surface_file
 
 
@@ -63,6 +72,16 @@ def test_pose_turns_the_axes(cube: Mesh) -> None:
     np.testing.assert_allclose(moved.normal(x), cube.normal(back) @ matrix.T, atol=1e-12)
     expected = matrix @ cube.curvature(back) @ matrix.T
     np.testing.assert_allclose(moved.curvature(x), expected, atol=1e-9)
+
+
+def test_points_of_tools(cube: Mesh) -> None:
+    """One that is inside of the tool, wherever it is; a plane has none."""
+    turned = cube.moved((0.4, 0.0, 0.0), (0.1, -0.3, 0.5))
+    rod = Capsule((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), 0.1)
+    for tool in (cube, turned, rod, Displaced(turned, (0.0, 2.0, 0.0))):
+        assert tool.inside is not None
+        assert tool.gap(tool.inside[None])[0] < -0.09
+    assert Displaced(Plane((0.0, 0.0), (0.0, 1.0)), (1.0, 0.0)).inside is None
 
 
 def test_surface_from_inside_is_turned(tmp_path: Path) -> None:

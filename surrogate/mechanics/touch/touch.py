@@ -25,7 +25,7 @@ from shared_schema.common.bodies.equilibrium import RELATIVE, ForceTolerance
 from shared_schema.common.bodies.passing_walls import surrounds
 from shared_schema.common.errors import WorkError
 from shared_schema.common.units import SI, Units
-from shared_schema.tools import Capsule, Contact, Tool, contact_line, require_outside
+from shared_schema.tools import Contact, Tool, contact_line, require_outside
 from surrogate.mechanics.certify.correction import Correction, stable_state
 from surrogate.mechanics.equilibrium.tool_springs import ToolSprings
 from surrogate.mechanics.statics.prediction import Predictor
@@ -180,7 +180,7 @@ class Touch(Frames[ToolContact, TouchFrame]):
                 "comes from outside of the body"
             )
         near = gap.min() < self._model.body.equilibrium.cell_size
-        if near and not force.any() and self._is_swallowed(tool, x):
+        if near and not force.any() and self._surrounds(tool.inside, x):
             self.let_go()
             raise WorkError(
                 "the tool is inside of the body, between its nodes, expected cells of at most a "
@@ -196,11 +196,10 @@ class Touch(Frames[ToolContact, TouchFrame]):
             units=geometry.units,
         )
 
-    def _is_swallowed(self, tool: Tool, x: Array) -> bool:
-        """Whether a sphere or a capsule begins inside of the body with nodes at x, (n_nodes, d)."""
-        if not isinstance(tool, Capsule):
-            return False
-        return surrounds(x, self._model.body.geometry.surface_facets, np.array(tool.begin))
+    def _surrounds(self, point: Array | None, x: Array) -> bool:
+        """Whether a point, (d,), is inside of the body with nodes at x, (n_nodes, d)."""
+        facets = self._model.body.geometry.surface_facets
+        return point is not None and surrounds(x, facets, point)
 
     @checked_arguments
     def reaction(self, tool: Tool) -> Array:
