@@ -114,6 +114,7 @@ def run(options: argparse.Namespace) -> None:
     else:
         folder = page.parent
         print(page)
+        print(f"{folder / 'series'}: run folder of its load series")
         if not options.no_browser:
             webbrowser.open(page.resolve().as_uri())
     if options.network:

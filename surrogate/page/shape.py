@@ -21,7 +21,7 @@ import yaml
 
 from shared_schema.common.arguments import checked_arguments
 from shared_schema.common.configuration import changed, read_yaml
-from shared_schema.common.errors import InputError
+from shared_schema.common.errors import InputError, WorkError
 from shared_schema.common.files import require_writable
 from shared_schema.materials import locks, materials_of
 from surrogate.learning.training.loop import train
@@ -42,6 +42,7 @@ CHOSEN = (
     "too stiff)"
 )
 MARGIN = 1.5  # of the band, as coarse cells of a curved body are more than their size says
+LONG = 3.0  # m: of an organ or a robot, the file's unit is another one
 FIRST = 1.0  # range in N of the loads of a body whose stiffness is not known yet
 
 
@@ -102,7 +103,7 @@ def page_of_shape(
         If there is no such file, a text or number is wrong, the body cannot be made, the folder
         is of another body, or there is no program `datagen`; nothing is left then.
     PageLimitError
-        An `InputError`, if the body is too large for a page; body and series are made.
+        A `WorkError`, if the body is too large for a page; body and series are made.
     """
     path = Path(shape)
     if not path.is_file():
@@ -147,10 +148,13 @@ def page_of_shape(
             run_datagen("repair", path, "--out", place / REPAIRED, *words)
         body = make_body(case, place)
         x, cells = body.geometry.coordinates, body.geometry.cells
-        counts = f"{len(x)} nodes, {len(cells)} {body.geometry.cell_type} cells"
+        sides = " x ".join(f"{side:.3g}" for side in np.ptp(x, axis=0))
+        counts = f"{sides} m, {len(x)} nodes, {len(cells)} {body.geometry.cell_type} cells"
         logger.info("%s: %s%s", folder, counts, CHOSEN if chosen else "")
+        if np.ptp(x, axis=0).max() > LONG and scale == 1:
+            logger.warning("%s: %s; of a file in mm, --scale 0.001 makes metres", folder, sides)
         if limit := page_limit(body, scale, size):
-            logger.warning("no page: %s; body and load series follow", limit)
+            logger.warning("no page: the body is too large for one; body and load series follow")
         largest = float(f"{largest_force(body):.2g}")
         shutil.rmtree(place / "body")
         case["load"]["range"] = [-largest, largest]
@@ -212,7 +216,7 @@ def page_limit(body: Body, scale: float, size: float | None) -> str | None:
     )
 
 
-class PageLimitError(InputError):
+class PageLimitError(WorkError):
     """A body is too large for the page of its load series, which are in a folder."""
 
     def __init__(self, limit: str, folder: Path) -> None:
@@ -269,5 +273,8 @@ def asked_before(case: Mapping[str, Any], file: Path) -> bool:
 def make_body(case: Mapping[str, Any], folder: Path) -> Body:
     """Run `datagen body` on a case, and read what it makes; InputError says what it refuses."""
     (folder / "case.yaml").write_text(yaml.safe_dump(dict(case), sort_keys=False))
-    run_datagen("body", folder / "case.yaml", "--out", folder / "body")
+    try:
+        run_datagen("body", folder / "case.yaml", "--out", folder / "body")
+    except InputError as error:
+        raise InputError(str(error).replace(f"{folder / 'case.yaml'}", "case")) from None
     return Body.read(folder / "body")

@@ -47,7 +47,9 @@ def test_a_page_of_a_surface(block: Path) -> None:
     assert (folder / "block one.html").stat().st_size > 1e5
     model = surrogate.load(folder / "series")
     x, tip = model.geometry.coordinates, model.geometry.tip
-    assert f"{folder}: {len(x)} nodes, {len(model.geometry.cells)} tetra cells\n" in said
+    sides = " x ".join(f"{side:.3g}" for side in SIZES)
+    counts = f"{len(x)} nodes, {len(model.geometry.cells)} tetra cells"
+    assert f"{folder}: {sides} m, {counts}\n" in said
     assert np.ptp(x, axis=0) == pytest.approx(SIZES, rel=1e-6)
     assert model.geometry.clamped.tolist() == (x[:, 2] < 1e-3).tolist()
     force = np.zeros((3, *x.shape))
@@ -68,6 +70,15 @@ def test_a_page_of_a_surface(block: Path) -> None:
         folder / "u.npz",
     ).stderr
     assert told.count("linear elements are too stiff") == 1
+
+
+def test_a_file_in_mm_without_a_scale(block: Path) -> None:
+    """It is warned of; a wrong key is named without the file that nobody has written."""
+    of = (*HELD, *LINEAR, "--size", "40", "--out", block.with_name("made"))
+    said = execute(SURROGATE, "touch", block, *of, "--set", "mesh.szie=4", code=2).stderr
+    assert said == "surrogate: error: case: unknown key 'mesh.szie'\n"
+    said = execute(SURROGATE, "touch", block, *of).stderr
+    assert "; of a file in mm, --scale 0.001 makes metres\n" in said
 
 
 def test_elements_that_do_not_lock(block: Path) -> None:
@@ -98,7 +109,7 @@ def test_a_body_too_large_for_a_page(block: Path, monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(shape, "BAND", 20_000)
     of = (*HELD, *LINEAR, "--scale", "0.001", "--out")
     for _ in range(2):  # also where body and series are there
-        said = execute(SURROGATE, "touch", block, *of, folder, "--size", "16", code=2).stderr
+        said = execute(SURROGATE, "touch", block, *of, folder, "--size", "16", code=1).stderr
         assert f"surrogate predict {folder / 'series'}" in said.splitlines()[-1]
     assert surrogate.load(folder / "series").geometry.tip > 0
     found = re.search(r"--size (\d+) or more, or --network", said)

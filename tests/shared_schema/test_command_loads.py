@@ -80,8 +80,10 @@ def test_nearest_node(body: LoadedBody) -> None:
     loads = given(body, "4.1,0.8:0,1", "0.2,0:0,1", nearest=True)
     assert loads.forces[5].tolist() == [0, 1]
     assert loads.forces[3].tolist() == [0, 1]  # node 0 is nearer, but clamped
-    assert loads.notes[0] == "--load '4.1,0.8:0,1': acts at the nearest node, 5,1"
+    assert loads.notes[0] == "--load '4.1,0.8:0,1': acts at the nearest node, 5,1, 0.922 away"
     assert len(given(body, "5,1:0,1", nearest=True).notes) == 0
+    with pytest.raises(InputError, match="no node is near, the nearest is at 5,1, farther than"):
+        given(body, "4000,1000:0,1", nearest=True)
 
 
 def test_move(body: LoadedBody) -> None:
@@ -90,7 +92,7 @@ def test_move(body: LoadedBody) -> None:
     assert loads.displacement[[2, 5]].tolist() == [[0, 0.5], [0, 0.5]]
     at_place = command_loads(body, [], moves=["4.9,1.1:0.2,-"], nearest=True)
     assert np.argwhere(at_place.moved).tolist() == [[5, 0]]
-    assert at_place.notes == ["--hold '4.9,1.1:0.2,-': acts at the nearest node, 5,1"]
+    assert at_place.notes == ["--hold '4.9,1.1:0.2,-': acts at the nearest node, 5,1, 0.141 away"]
 
 
 def test_forces_of_files(body: LoadedBody, tmp_path: Path) -> None:

@@ -169,8 +169,12 @@ def node_at(
         at = ",".join(f"{value:g}" for value in coordinates[node])
         if not nearest:
             raise InputError(f"{option}: no node stands there, the nearest is at {at} (--nearest)")
+        if distance[node] > size:
+            raise InputError(
+                f"{option}: no node is near, the nearest is at {at}, farther than the body is long"
+            )
         if notes is not None:
-            notes.append(f"{option}: acts at the nearest node, {at}")
+            notes.append(f"{option}: acts at the nearest node, {at}, {distance[node]:.3g} away")
     if clamped[node]:
         raise InputError(f"{option}: the node is clamped, expected a free one")
     here = np.linalg.norm(coordinates - coordinates[node], axis=1) <= COINCIDENT * size

@@ -61,9 +61,11 @@ def find_run(run: str | Path) -> Path:
     names = shelved()
     if str(run) in names:
         return SHELF / str(run)
+    inside = sorted(str(file.parent) for file in folder.glob("*/config.yaml"))
+    close = f"; did you mean '{inside[0]}'?" if inside else nearest(str(run), names)
     raise InputError(
         f"{run}: no run there, expected a folder with config.yaml, or a network of the package "
-        f"({', '.join(names)}){nearest(str(run), names)}"
+        f"({', '.join(names)}){close}"
     )
 
 

@@ -98,7 +98,7 @@ class Certificate:
             length, ratio = self.units.written, float(self.out_of_balance[sound].max())
             of_load = f"{100 * ratio:.2g}% of" if ratio < 1 else f"{ratio:.3g} times"
             parts += [
-                "estimated error by Newton steps "
+                "estimated error on this mesh "
                 f"{length(float(self.mean_error[sound].mean()))} in the mean",
                 f"{length(float(self.max_error[sound].max()))} at most",
                 f"forces out of balance by {of_load} the load",
@@ -125,7 +125,10 @@ class Certificate:
             most = self.units.written(tolerance)
             reason = f"estimated error {self.units.written(float(largest))} > {most}"
         else:
-            reason = "the estimate does not settle, no stable equilibrium is near"
+            reason = (
+                "the estimate does not settle, no stable equilibrium is near (a force on one node "
+                "alone strains a fine mesh without bound)"
+            )
         if self.inverted.ndim == 0:
             return reason
         count = f"{len(refused)} of {self.inverted.size} predictions"

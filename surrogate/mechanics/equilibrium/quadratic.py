@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 ITERATIONS, HALVINGS = 20, 20  # of the points between the nodes
 SMALL = 1e-9  # of the displacement: a step after which the next one is a rounding error
+ROUNDED = 1e-13  # of the size of a cell: a step of rounding errors
 
 
 def balanced_between(body: Equilibrium, u: Array, f: Array) -> Array:
@@ -49,7 +50,7 @@ def balanced_between(body: Equilibrium, u: Array, f: Array) -> Array:
         if lowered is None:
             break
         size, u = norms(lowered - u), lowered
-        if size <= SMALL * norms(u):
+        if size <= np.maximum(SMALL * norms(u), ROUNDED * body.cell_size):
             break
     return u
 

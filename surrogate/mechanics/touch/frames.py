@@ -14,6 +14,7 @@ which no energy tells the right step, grow with these where the body is at rest.
 
 from __future__ import annotations
 
+import logging
 from abc import ABC, abstractmethod
 from dataclasses import replace
 from functools import partial
@@ -32,6 +33,7 @@ from surrogate.mechanics.touch.defect_correction import ROUGHLY, DefectCorrectio
 from surrogate.mechanics.touch.loaded_body import LinearBody, LoadedBody, Predict
 from surrogate.mechanics.touch.search import Bend, ForceSearch, Shown
 
+logger = logging.getLogger(__name__)
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 C = TypeVar("C", bound=Condition)
@@ -95,13 +97,14 @@ class Frames(ABC, Generic[C, F]):
         if self._holds:
             try:
                 return self._frame(self._predicted(condition, loaded, predict))
-            except WorkError:
+            except WorkError as error:
                 self._body.forget()  # what has led nowhere is no guide
-        frame, field = self._corrected(condition, loaded), self._shown.field
-        dead = self._dead(loaded, self._shown.force)
-        self._defect.body, self._holds = loaded, loaded.is_stable(field, dead)
+                logger.info("%s: Newton's method goes on, which takes more time", error)
+        frame, u = self._corrected(condition, loaded)
+        self._defect.body, self._holds = loaded, loaded.is_stable(u)
         if self._holds and predict is None:
-            self._holds = not self._defect.misses(field, dead)
+            dead = self._dead(loaded, self._shown.force)
+            self._holds = not self._defect.misses(self._shown.field, dead)
         return frame
 
     def _predicted(self, condition: C, loaded: LoadedBody, predict: Predict | None) -> int:
@@ -134,8 +137,10 @@ class Frames(ABC, Generic[C, F]):
         self._keep(now, loaded, condition, predict)
         return search.predictions
 
-    def _corrected(self, condition: C, loaded: LoadedBody) -> F:
+    def _corrected(self, condition: C, loaded: LoadedBody) -> tuple[F, Array]:
         """Find the equilibrium of the finite elements, from the last state or else from rest.
+
+        With the displacement of all points in m, (n_points, d).
 
         Raises
         ------
@@ -151,9 +156,10 @@ class Frames(ABC, Generic[C, F]):
             if not u.any():
                 raise
             found, force = self._on_the_way(condition, loaded, 0 * u, 0 * force)
-        found = replace(found, displacement=found.displacement[: loaded.equilibrium.nodes])
+        u = found.displacement
+        found = replace(found, displacement=u[: loaded.equilibrium.nodes])
         self._keep(self._at(loaded, found.displacement.copy(), force), loaded, condition, found)
-        return self._frame(0, found)
+        return self._frame(0, found), u
 
     def _on_the_way(
         self, condition: C, loaded: LoadedBody, begin: Array, force: Array

@@ -190,7 +190,7 @@ class Grip(Frames[HeldComponents, GripFrame]):
         WorkError
             If no stable equilibrium is found.
         """
-        return self._corrected(*self._given(displacements, load))
+        return self._corrected(*self._given(displacements, load))[0]
 
     def _given(self, displacements: ArrayLike, load: Beside) -> tuple[HeldComponents, LoadedBody]:
         """What is held where, and the body under a load."""

@@ -126,9 +126,9 @@ class LoadedBody:
         f = self.equilibrium.forces_at_points(dead[None])
         return self.equilibrium.at_points(field[None], f)[0]
 
-    def is_stable(self, field: Array, dead: Array) -> bool:
-        """Whether an equilibrium of the body in m, (n_nodes, d), is one without grips and tools."""
-        return self.equilibrium.response_at(self.at_points(field, dead)) is not None
+    def is_stable(self, u: Array) -> bool:
+        """Whether an equilibrium of the body, (n_points, d) in m, is one without its condition."""
+        return self.equilibrium.response_at(u) is not None
 
 
 Numbers = NDArray[np.int64]

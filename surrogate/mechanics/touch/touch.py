@@ -158,7 +158,7 @@ class Touch(Frames[ToolContact, TouchFrame]):
         WorkError
             If no stable equilibrium is found.
         """
-        return self._corrected(*self._given(tool, load))
+        return self._corrected(*self._given(tool, load))[0]
 
     def _given(self, tool: Tool, load: Beside) -> tuple[ToolContact, LoadedBody]:
         """The contact with a tool, which can come to its place, and the body under the load."""

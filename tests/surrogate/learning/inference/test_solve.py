@@ -103,7 +103,7 @@ def test_loads_of_all_kinds(beam: surrogate.Surrogate, tmp_path: Path) -> None:
     for load in loads:
         np.testing.assert_array_equal(beam.solve(load).displacement, expected.displacement)
     moved = beam.solve("4.1,1:0,-1.5", nearest=True)
-    assert moved.notes == ("--load '4.1,1:0,-1.5': acts at the nearest node, 4,1",)
+    assert moved.notes == ("--load '4.1,1:0,-1.5': acts at the nearest node, 4,1, 0.1 away",)
     np.testing.assert_array_equal(moved.displacement, expected.displacement)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import tomllib
 from collections.abc import Iterator
@@ -155,6 +156,14 @@ def test_neither_a_run_nor_a_name(elsewhere: Path, run: str) -> None:
         InputError, match=r"no run there, .* a network of the package \(.*beam2d_any"
     ):
         surrogate.load(run)
+
+
+def test_the_run_inside_a_folder_is_named(elsewhere: Path) -> None:
+    (elsewhere / "organ" / "series").mkdir(parents=True)
+    (elsewhere / "organ" / "series" / "config.yaml").touch()
+    said = re.escape(str(Path("organ") / "series"))
+    with pytest.raises(InputError, match=rf"did you mean '{said}'\?$"):
+        surrogate.load("organ")
 
 
 # --- shelving -------------------------------------------------------------------------------------
