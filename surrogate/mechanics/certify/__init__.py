@@ -1,7 +1,7 @@
 """Certification of predictions: how wrong one is, and the equilibrium nearby.
 
 ==================  ===========================================================================
-`certificate`       the full certificate: the error on this mesh from the prediction
+`certificate`       the full certificate: the error by Newton steps from the prediction
 `fast_certificate`  the fast one: a bound that holds with some probability, in real time
 `fast_estimate`     the estimate that the fast certificate calibrates: steps of Lanczos
 `calibrated_range`  loads and states that this calibration holds for
