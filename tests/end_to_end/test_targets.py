@@ -44,5 +44,5 @@ def test_short_and_long_parts_are_all(target: str, selection: str) -> None:
 def test_continuous_integration_runs_all() -> None:
     lines = (ROOT / ".ci" / "run").read_text().splitlines()
     targets = [line.split()[1:] for line in lines if line.startswith("make ")]
-    assert targets[-1] == ["test-all"]
+    assert targets[-1] == ["test-all", "JOBS=3"]
     assert targets[-2][-2:] == ["lint", "docs"]
