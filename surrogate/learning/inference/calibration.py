@@ -233,7 +233,7 @@ def fit_fast_certificate(
     if dataset.manifest.digest != description.data.digest:
         raise InputError(
             "certify: not the dataset that the run was trained on, which holds its calibration "
-            "split",
+            "split (surrogate calibrate does without a dataset)",
             "certify",
         )
     split = split_training(dataset.training, description.run)
