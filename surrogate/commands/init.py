@@ -32,7 +32,7 @@ def add_to(commands: Commands) -> None:
     parser.add_argument(
         "--model",
         choices=("unet", "reduced"),
-        help="kind of network (default: unet in the plane, reduced in space)",
+        help="kind of network (default: unet on a grid in the plane, else reduced)",
     )
     parser.add_argument(
         "--likelihood",

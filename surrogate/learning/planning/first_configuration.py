@@ -227,8 +227,8 @@ def first_config(
     dataset : Dataset, str or Path
         Dataset, or its folder.
     model : {"unet", "reduced"}, optional
-        By default a U-Net in the plane, and a reduced network in space, where the nodes are many
-        and the samples few.
+        By default a U-Net on a grid in the plane, and a reduced network in space, where the nodes
+        are many and the samples few, and where the nodes stand in a row.
     likelihood : {"deterministic", "maximum_likelihood", "variational_bayes"}
 
     Returns
@@ -248,7 +248,8 @@ def first_config(
     if model == "reduced" and not mechanics:
         raise InputError("model reduced: the dataset names no material, expected unet", "model")
     in_space = dataset.geometry.dimension == 3
-    chosen: Architecture = model or ("reduced" if in_space and mechanics else "unet")
+    is_reduced = mechanics and (in_space or dataset.geometry.grid.is_a_row)
+    chosen: Architecture = model or ("reduced" if is_reduced else "unet")
     channels = 32 if likelihood == "deterministic" and not in_space else 16
     available = SHARE * available_memory()
     while channels > 4:

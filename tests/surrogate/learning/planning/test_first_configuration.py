@@ -44,6 +44,12 @@ def test_in_the_plane_and_in_space(dataset: Dataset, dataset_3d: Dataset) -> Non
         assert dry_run(config, samples, device="cpu").steps > 0
 
 
+def test_nodes_in_a_row(dataset: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not on a grid, U-Nets are refused: `datagen structure --grid nodes` in the plane."""
+    monkeypatch.setattr(type(dataset.geometry.grid), "is_a_row", True)
+    assert isinstance(first_config(dataset).config(), ReducedModel)
+
+
 @pytest.mark.parametrize("likelihood", ["maximum_likelihood", "variational_bayes"])
 @pytest.mark.parametrize("model", ["unet", "reduced"])
 def test_standard_deviations(dataset: Dataset, model: str, likelihood: str) -> None:
