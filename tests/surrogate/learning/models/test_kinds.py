@@ -71,7 +71,10 @@ def test_mechanics_are_added_to_the_networks_of_single_loads(kind: str, epochs: 
 @pytest.mark.parametrize(
     ("text", "part"),
     [
-        ("model: tree", "found (model tree, likelihood deterministic), expected one of '(model un"),
+        (
+            "model: tree",
+            "model 'tree': unknown, expected one of linear, pod, reduced, series, unet",
+        ),
         ("model: pod", "key 'pod' is missing (model pod, likelihood deterministic)"),
         ("pod: {}", "unknown key 'pod' (model unet, likelihood deterministic)"),
         ("model: linear\nensemble: 3", "unknown key 'ensemble' (model linear"),
