@@ -148,10 +148,11 @@ def page_of_shape(
             run_datagen("repair", path, "--out", place / REPAIRED, *words)
         body = make_body(case, place)
         x, cells = body.geometry.coordinates, body.geometry.cells
-        sides = " x ".join(f"{side:.3g}" for side in np.ptp(x, axis=0))
+        extents = np.ptp(x, axis=0)
+        sides = " x ".join(f"{side:.3g}" for side in extents)
         counts = f"{sides} m, {len(x)} nodes, {len(cells)} {body.geometry.cell_type} cells"
         logger.info("%s: %s%s", folder, counts, CHOSEN if chosen else "")
-        if np.ptp(x, axis=0).max() > LONG and scale == 1:
+        if extents.max() > LONG and scale == 1:
             logger.warning("%s: %s; of a file in mm, --scale 0.001 makes metres", folder, sides)
         if limit := page_limit(body, scale, size):
             logger.warning("no page: the body is too large for one; body and load series follow")

@@ -289,9 +289,10 @@ class Solution:
             lines.append(f"largest standard deviation: {self.units.written(largest)}")
         if self.refusal is not None:
             lines.append(f"{self.verdict or 'not reached'}: {self.refusal}")
-        for reaction in () if self.grips is None else self.grips:
-            parts = ", ".join(f"{component:.4g}" for component in reaction)
-            lines.append(f"held by ({parts}) {units.force}")
+        if self.grips is not None:
+            from surrogate.mechanics.touch.grip import held_line
+
+            lines += [held_line(reaction, units) for reaction in self.grips]
         if self.contact is not None:
             from shared_schema.tools import contact_line
 

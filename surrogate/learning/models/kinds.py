@@ -103,13 +103,15 @@ def run_config(content: Any, source: str = "config") -> Model:
     """Build a configuration from plain data; an InputError names the first wrong key."""
     if not isinstance(content, Mapping):
         raise InputError(f"{source}: expected a mapping of keys to values")
-    kind, name, model = kind_of(content), tag_of(content), content.get("model", "unet")
-    if isinstance(model, str) and model not in (known := architectures()):
-        raise InputError(
-            f"{source}: model '{model}': unknown, expected one of {', '.join(sorted(known))}, or "
-            "one of your own after surrogate.add_model, or with an entry point surrogate.models"
-        )
+    kind, name = kind_of(content), tag_of(content)
     if kind is None:
+        model, known = content.get("model", "unet"), architectures()
+        if isinstance(model, str) and model not in known:
+            raise InputError(
+                f"{source}: model '{model}': unknown, expected one of {', '.join(sorted(known))}, "
+                "or one of your own after surrogate.add_model, or with an entry point "
+                "surrogate.models"
+            )
         raise InputError(f"{source}: found {name}, expected one of {', '.join(map(repr, kinds()))}")
     try:
         return kind.model_validate(content)

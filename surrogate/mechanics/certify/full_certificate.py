@@ -93,8 +93,8 @@ class Certificate:
         count, sound = self.inverted.size, self.inverted == 0
         unsettled = int((sound & ~self.settled).sum())
         several = self.inverted.ndim > 0
-        of_them = "" if sound.all() else f", {sound.sum()} of them with an estimate"
-        parts = [f"{count} predictions{of_them}"] if several else []
+        estimated = "" if sound.all() else f", {sound.sum()} of them with an estimate"
+        parts = [f"{count} predictions{estimated}"] if several else []
         if sound.any():
             length, ratio = self.units.written, float(self.out_of_balance[sound].max())
             of_load = f"{100 * ratio:.2g}% of" if ratio < 1 else f"{ratio:.3g} times"
@@ -110,7 +110,8 @@ class Certificate:
         if not sound.all():
             of_them = f" in {(~sound).sum()} of them" if several else ""
             parts.append(f"{self.inverted.sum()} inverted elements{of_them}")
-            parts += [] if several else ["no estimate of the error"]
+            if not several:
+                parts.append("no estimate of the error")
         return ", ".join(parts)
 
     @checked_arguments

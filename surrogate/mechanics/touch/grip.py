@@ -38,6 +38,7 @@ from shared_schema.common.errors import InputError, WorkError
 from shared_schema.common.units import SI, Units
 from surrogate.mechanics.body.geometry import Geometry
 from surrogate.mechanics.certify.correction import Correction, stable_state
+from surrogate.mechanics.descent.driven_body import longest
 from surrogate.mechanics.equilibrium.out_of_balance import Equilibrium
 from surrogate.mechanics.statics.prediction import Predictor
 from surrogate.mechanics.touch.condition import Held as HeldComponents
@@ -50,6 +51,12 @@ Held: TypeAlias = Mapping[str, Sequence[float | None]] | Sequence[str]
 TOLERANCE = 1e-4  # of frames, of the largest held displacement
 START = "last state of the grips"
 SMALL = 1e-6  # of an edge of a cell: displacement whose difference is taken
+
+
+def held_line(reaction: Array, units: Units) -> str:
+    """Describe what holds a place, (d,) in N."""
+    parts = ", ".join(f"{component:.4g}" for component in reaction)
+    return f"held by ({parts}) {units.force}"
 
 
 @dataclass(frozen=True, repr=False)
@@ -82,10 +89,9 @@ class GripFrame:
 
     def __repr__(self) -> str:
         """Say what holds the body, and how far it moves."""
-        each = (", ".join(f"{part:.4g}" for part in reaction) for reaction in self.reactions)
-        held = "; ".join(f"held by ({parts}) {self.units.force}" for parts in each)
-        largest = np.linalg.norm(self.displacement, axis=1).max()
-        return f"GripFrame({held}; largest displacement {self.units.written(largest)})"
+        held = "; ".join(held_line(reaction, self.units) for reaction in self.reactions)
+        largest = self.units.written(longest(self.displacement))
+        return f"GripFrame({held}; largest displacement {largest})"
 
 
 class Grip(Frames[HeldComponents, GripFrame]):

@@ -27,6 +27,7 @@ from shared_schema.common.errors import WorkError
 from shared_schema.common.units import SI, Units
 from shared_schema.tools import Contact, Tool, contact_line, require_outside
 from surrogate.mechanics.certify.correction import Correction, stable_state
+from surrogate.mechanics.descent.driven_body import longest
 from surrogate.mechanics.equilibrium.tool_springs import ToolSprings
 from surrogate.mechanics.statics.prediction import Predictor
 from surrogate.mechanics.touch.frames import Frames
@@ -71,9 +72,8 @@ class TouchFrame(Contact):
 
     def __repr__(self) -> str:
         """Say what the tool does, and how far the body moves."""
-        largest = np.linalg.norm(self.displacement, axis=1).max()
-        said = contact_line(self, self.units), f"largest displacement {self.units.written(largest)}"
-        return f"TouchFrame({', '.join(said)})"
+        largest = self.units.written(longest(self.displacement))
+        return f"TouchFrame({contact_line(self, self.units)}, largest displacement {largest})"
 
 
 class Touch(Frames[ToolContact, TouchFrame]):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import re
 
 import numpy as np
 import pytest
@@ -35,7 +34,9 @@ def test_labels_of_the_case(in_millimetres: Surrogate) -> None:
     assert " mm at (" in text
     assert text.count(" MPa") == 1
     assert " N," in text
-    assert re.search(r" m\b", text) is None
+    for word in (" mm", " mean", " most", " mesh"):
+        text = text.replace(word, "")
+    assert " m" not in text
     usual = scaled("beam2d_any")[0].solve("4,1:0,-1.5", stresses=True)
     assert " mm at (4, 1) m" in repr(usual)
     assert " Pa" in repr(usual)
